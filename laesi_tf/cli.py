@@ -1,8 +1,14 @@
-"""What all commands share: the parser's shape, the exit status, the progress bar and `--json`."""
+"""What all commands share: the parser's shape, the exit status, the progress bar and `--json`.
+
+Commands import this before anything that imports TensorFlow: it brings TensorFlow in without its chatter.
+"""
 
 import argparse
+import contextlib
+import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,6 +17,27 @@ from tqdm import tqdm
 from laesi_tf.errors import InputError
 
 Item = TypeVar("Item")
+
+
+@contextlib.contextmanager
+def _stderr_aside() -> Iterator[None]:
+    """Send file descriptor 2 to nowhere for the duration."""
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(nowhere)
+        os.close(kept)
+
+
+# While it is imported TensorFlow writes six lines about oneDNN and CUDA to stderr, before its own log level
+# takes effect; after that the log level keeps it to warnings.
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+with _stderr_aside():
+    import tensorflow  # noqa: F401
 
 
 class _Parser(argparse.ArgumentParser):
@@ -32,6 +59,7 @@ def parser(command: str, description: str | None) -> argparse.ArgumentParser:
 
 def run(main: Callable[[Sequence[str]], None]) -> None:
     """Call `main` with the command line; a user's mistake becomes one line on stderr and exit status 2."""
+    warnings.showwarning = _one_line
     try:
         main(sys.argv[1:])
     except InputError as error:
@@ -39,6 +67,10 @@ def run(main: Callable[[Sequence[str]], None]) -> None:
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         raise SystemExit(130) from None
+
+
+def _one_line(message: Warning | str, *_: object) -> None:
+    print(f"warning: {message}", file=sys.stderr)
 
 
 def progress(items: Iterable[Item], **options: Any) -> Iterable[Item]:
