@@ -33,11 +33,13 @@ def _stderr_aside() -> Iterator[None]:
         os.close(kept)
 
 
-# While it is imported TensorFlow writes six lines about oneDNN and CUDA to stderr, before its own log level
-# takes effect; after that the log level keeps it to warnings.
+# While it is imported and looks for GPUs TensorFlow writes seven lines about oneDNN and CUDA to stderr whatever
+# its log level; after that the level keeps it to warnings.
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
 with _stderr_aside():
-    import tensorflow  # noqa: F401
+    import tensorflow
+
+    tensorflow.config.list_physical_devices()
 
 
 class _Parser(argparse.ArgumentParser):
@@ -45,12 +47,17 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{message}; see --help")
 
 
+class _Help(argparse.ArgumentDefaultsHelpFormatter):
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        return action.help if action.default is None else super()._get_help_string(action)
+
+
 def parser(command: str, description: str | None) -> argparse.ArgumentParser:
     """A parser for `python -m laesi_tf.<command>` whose --help shows defaults and that takes --json FILE."""
     made = _Parser(
         prog=f"python -m laesi_tf.{command}",
         description=description,
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        formatter_class=_Help,
         allow_abbrev=False,
     )
     made.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON to FILE")
@@ -69,7 +76,7 @@ def run(main: Callable[[Sequence[str]], None]) -> None:
         raise SystemExit(130) from None
 
 
-def _one_line(message: Warning | str, *_: object) -> None:
+def _one_line(message: Warning | str, *_: object, **__: object) -> None:
     print(f"warning: {message}", file=sys.stderr)
 
 

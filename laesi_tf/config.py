@@ -1,0 +1,181 @@
+"""What a training run is made from: one frozen dataclass that is its file, its flags and its help."""
+
+import argparse
+import dataclasses
+import difflib
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from laesi_tf import cli
+from laesi_tf.errors import InputError
+from laesi_tf.files import write_text
+from laesi_tf.models import area, segmentation
+from laesi_tf.models.backbone import BACKBONES
+from laesi_tf.schedules import OPTIMIZERS, SCHEDULES
+
+# The table of a run's config.toml that says where it came from; not an input.
+PROVENANCE = "provenance"
+
+
+def _field(
+    default: Any, text: str, *, choices: Sequence[str] = (), low: float = -math.inf, high: float = math.inf
+) -> Any:
+    described = {"help": text, "choices": tuple(choices), "low": low, "high": high}
+    return dataclasses.field(default=default, metadata=described)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """Everything needed to repeat a run. Raises InputError for a value of the wrong type or out of range.
+
+    The defaults are the paper's recipe on the backbone that two cores can train.
+    """
+
+    task: str = _field("area", "what to learn", choices=("area", "mask"))
+    backbone: str = _field("small", "MobileNetV3 to start from", choices=tuple(BACKBONES))
+    alpha: float = _field(1.0, "width: factor on the number of channels", low=0.1, high=4.0)
+    size: tuple[int, int] = _field(
+        (224, 224), "SIDE or HEIGHTxWIDTH of pictures in pixels", low=32, high=4096
+    )
+    weights: str = _field(
+        "auto",
+        "auto: ImageNet where it can be downloaded, else from scratch; imagenet; none; or the PATH of a file",
+    )
+    batch_size: int = _field(32, "pictures per step", low=1, high=4096)
+    steps: int = _field(8000, "steps in all", low=1, high=10**9)
+    optimizer: str = _field("rmsprop", "optimizer", choices=tuple(OPTIMIZERS))
+    schedule: str = _field("piecewise", "how the learning rate falls", choices=tuple(SCHEDULES))
+    learning_rate: float = _field(1e-3, "highest learning rate", low=1e-12, high=10.0)
+    final_learning_rate: float = _field(1e-9, "last learning rate", low=1e-12, high=10.0)
+    transform: str = _field("log", "what of the area is regressed", choices=area.TRANSFORMS)
+    loss: str = _field(
+        "auto",
+        f"auto: {area.LOSSES[0]} for areas, {segmentation.LOSSES[0]} for masks",
+        choices=("auto", *area.LOSSES, *segmentation.LOSSES),
+    )
+    batch_norm: str = _field(
+        "auto",
+        "pretrained statistics: frozen, or recalibrated on training pictures before every validation; "
+        "auto: frozen for pretrained weights, recalibrated from scratch",
+        choices=("auto", "frozen", "recalibrated"),
+    )
+    ranges: str = _field("rendering_2", "scenes: a preset's name or the PATH of a TOML file of ranges")
+    lighting_passes: int = _field(1, "pictures of the same leaf in different light", low=1, high=64)
+    seed: int = _field(0, "seed of scenes and initial weights", low=0, high=2**31 - 1)
+    validate_every: int = _field(500, "steps between validations", low=1, high=10**9)
+    validation_pictures: int = _field(512, "fresh scenes to validate on, held in memory", low=1, high=10**6)
+    checkpoint_every: int = _field(
+        250, "steps between the states a killed run continues from", low=1, high=10**9
+    )
+    patience: int = _field(0, "validations without improvement before stopping; 0: never", low=0, high=10**6)
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, _checked(field, getattr(self, field.name)))
+        losses = {"area": area.LOSSES, "mask": segmentation.LOSSES}[self.task]
+        if self.loss not in ("auto", *losses):
+            raise InputError(f"loss {self.loss!r} is not for task {self.task!r}: choose {_list(losses)}")
+        if self.final_learning_rate > self.learning_rate:
+            ends = f"{self.final_learning_rate:g} is above learning_rate {self.learning_rate:g}"
+            raise InputError(f"final_learning_rate {ends}; lower it")
+
+
+def from_mapping(values: Mapping[str, Any]) -> TrainConfig:
+    """A configuration from plain values as TOML or flags hold them; InputError names an unknown key."""
+    names = [field.name for field in dataclasses.fields(TrainConfig)]
+    for key in values:
+        if key not in names:
+            raise InputError(
+                f"unknown configuration key {key!r}{_meant(key, names)}; see --help for all keys"
+            )
+    return TrainConfig(**values)
+
+
+def read(path: Path | str) -> dict[str, Any]:
+    """The values in a TOML file, its provenance table included; InputError if it is missing or not TOML."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read configuration {path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"configuration {path} is not TOML: {error}") from error
+
+
+def load(path: Path | str, **overrides: Any) -> TrainConfig:
+    """The configuration in a TOML file, such as a run's config.toml, with `overrides` winning."""
+    values = read(path)
+    values.pop(PROVENANCE, None)
+    try:
+        return from_mapping(values | overrides)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def write(path: Path | str, config: TrainConfig, provenance: Mapping[str, Any]) -> None:
+    """Write `config` as TOML with a table that says where the run came from."""
+    values = dataclasses.asdict(config) | {"size": list(config.size)}
+    write_text(path, tomli_w.dumps({**values, PROVENANCE: provenance}))
+
+
+def add_flags(parser: argparse.ArgumentParser) -> None:
+    """One flag per field, --batch-size for `batch_size`; a flag that is not given leaves no attribute."""
+    for field in dataclasses.fields(TrainConfig):
+        choices = field.metadata["choices"]
+        sized = field.name == "size"
+        parser.add_argument(
+            f"--{field.name.replace('_', '-')}",
+            type=str if sized else field.type,
+            default=argparse.SUPPRESS,
+            metavar="|".join(choices) or field.name.split("_")[-1].upper(),
+            help=f"{field.metadata['help']} (default: {'224x224' if sized else field.default})",
+        )
+
+
+def differing(one: TrainConfig, other: TrainConfig) -> list[str]:
+    """Names of the fields in which two configurations differ."""
+    names = [field.name for field in dataclasses.fields(TrainConfig)]
+    return [name for name in names if getattr(one, name) != getattr(other, name)]
+
+
+def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
+    if field.name == "size":
+        value = _size(value)
+    elif field.type is float and type(value) is int:
+        value = float(value)
+    elif type(value) is not field.type:
+        raise InputError(f"{field.name} must be {_KINDS[str(field.type)]}, not {value!r}")
+    choices, low, high = (field.metadata[key] for key in ("choices", "low", "high"))
+    if choices and value not in choices:
+        raise InputError(f"unknown {field.name} {value!r}{_meant(value, choices)}; choose {_list(choices)}")
+    numbers = value if isinstance(value, tuple) else () if isinstance(value, str) else (value,)
+    if not all(low <= number <= high for number in numbers):
+        raise InputError(f"{field.name} {value!r} is not between {low:g} and {high:g}")
+    return value
+
+
+_KINDS = {str(str): "text", str(int): "a whole number", str(float): "a number"}
+
+
+def _size(value: Any) -> tuple[int, int]:
+    """(height, width) from a side, "HEIGHTxWIDTH", or two numbers."""
+    if isinstance(value, str):
+        return cli.size(value)
+    sides = (value, value) if type(value) is int else value
+    if isinstance(sides, list | tuple) and len(sides) == 2 and all(type(side) is int for side in sides):
+        return sides[0], sides[1]
+    raise InputError(f'size must be a side, [height, width] or "HEIGHTxWIDTH" in pixels, not {value!r}')
+
+
+def _meant(word: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(word, known, n=1)
+    return f", did you mean {close[0]!r}?" if close else ""
+
+
+def _list(words: Sequence[str]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"

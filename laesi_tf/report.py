@@ -1,0 +1,188 @@
+"""report.html of a run: one self-contained file that a biologist can read."""
+
+import base64
+import dataclasses
+import html
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from laesi_tf.config import TrainConfig
+from laesi_tf.files import write_text
+from laesi_tf.runs import CONFIG, HISTORY, REPORT
+
+_SHOWN = 8
+_PICTURE_PIXELS = 192
+_BLUE, _MAGENTA = (0, 90, 255), (255, 0, 160)
+_NAMES = {
+    "mre": "mean relative error of the area, MRE (%)",
+    "median": "median relative error (%)",
+    "p90": "relative error that nine leaves in ten stay below (%)",
+    "miou": "mean intersection over union, mIoU",
+    "mpe": "mask pixel error, MPE",
+    "n": "validation pictures, fresh synthetic scenes",
+    "best_step": "step of the model that was kept",
+    "steps": "steps trained",
+    "minutes": "minutes",
+    "images_per_s": "pictures trained on per second",
+    "parameters": "parameters",
+    "weights_origin": "weights it started from",
+}
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #223; max-width: 62rem; margin: 2rem auto; padding: 1rem }
+h1 { font-weight: 600 } h2 { margin-top: 2.5rem; font-weight: 600 }
+table { border-collapse: collapse } td { padding: .15rem 1.5rem .15rem 0; vertical-align: top }
+td:last-child { font-variant-numeric: tabular-nums } img { max-width: 100% }
+.pictures { display: flex; flex-wrap: wrap; gap: .75rem } figure { margin: 0; width: 12rem }
+figcaption { font-size: .85rem; color: #556 } p.note { color: #556 }
+"""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A validation picture: uint8 [H, W, 3], its figures by name, predicted and true mask bool [H, W]."""
+
+    image: np.ndarray
+    figures: Mapping[str, float]
+    masks: tuple[np.ndarray, np.ndarray] | None
+
+
+def chosen(errors: np.ndarray) -> list[int]:
+    """Indices of the pictures to show, best first: those of the lowest errors [N], then of the highest."""
+    order = np.argsort(errors, kind="stable").tolist()
+    half = min(_SHOWN, len(order) // 2)
+    return order[:half] + order[len(order) - half :]
+
+
+def write(
+    out: Path,
+    config: TrainConfig,
+    figures: Mapping[str, Any],
+    history: Sequence[Mapping[str, float]],
+    found: Mapping[str, np.ndarray],
+    pictures: Sequence[Picture],
+) -> None:
+    """Write report.html into the run's folder `out`.
+
+    `figures` are those of metrics.json, `history` the rows of history.csv, `found` arrays [N] over the
+    validation set ("predicted" and "true" for areas), `pictures` those of `chosen` in its order.
+    """
+    half = len(pictures) // 2
+    parts = [
+        f"<h1>{'Leaf area' if config.task == 'area' else 'Leaf mask'}, run {html.escape(out.name)}</h1>",
+        _headline(config, figures),
+        f"<h2>Figures</h2>{_table({_NAMES[key]: value for key, value in figures.items() if key in _NAMES})}",
+        f"<h2>Learning</h2>{_chart(_curves(history))}<p class=note>The same numbers are in {HISTORY}.</p>",
+        f"<h2>Predicted against true</h2>{_chart(_scatter(found))}" if config.task == "area" else "",
+        f"<h2>Best pictures</h2>{_gallery(pictures[:half])}",
+        f"<h2>Worst pictures</h2>{_gallery(pictures[half:][::-1])}",
+        f"<h2>Configuration</h2>{_table(dataclasses.asdict(config))}",
+        f"<p class=note>{CONFIG} repeats this run: pass it to --config.</p>",
+    ]
+    title = f"<title>{html.escape(out.name)}</title>"
+    head = f"<!doctype html><html lang=en><meta charset=utf-8>{title}<style>{_STYLE}</style>"
+    write_text(out / REPORT, "\n".join([head, *filter(None, parts), "</html>\n"]))
+
+
+def _headline(config: TrainConfig, figures: Mapping[str, Any]) -> str:
+    if config.task == "area":
+        told = (
+            f"On fresh synthetic pictures the area is off by {figures['mre']:.1f} % on average; "
+            f"half are within {figures['median']:.1f} %, nine in ten within {figures['p90']:.1f} %."
+        )
+    else:
+        told = (
+            f"On fresh synthetic pictures true and predicted leaf overlap by {figures['miou']:.3f} "
+            f"(1 is perfect), and the leaf's pixel count is off by {100 * figures['mpe']:.1f} %."
+        )
+    return f"<p>{told} Real photos differ: score those with evaluate.</p>"
+
+
+def _curves(history: Sequence[Mapping[str, float]]) -> Figure:
+    """Loss and score against steps and against minutes."""
+    figure = Figure(figsize=(10, 6), layout="constrained")
+    score = "val_mre" if "val_mre" in history[0] else "val_miou"
+    axes = figure.subplots(2, 2, sharex="col", sharey="row")
+    for column, (unit, key) in enumerate((("steps", "step"), ("minutes", "minutes"))):
+        across = [row[key] for row in history]
+        for name in ("train_loss", "val_loss"):
+            axes[0, column].plot(across, [row[name] for row in history], ".-", label=name.replace("_", " "))
+        axes[1, column].plot(across, [row[score] for row in history], ".-", color="tab:green")
+        axes[1, column].set_xlabel(unit)
+    axes[0, 0].set(ylabel="loss", yscale="log")
+    axes[0, 0].legend()
+    axes[1, 0].set_ylabel("MRE (%)" if score == "val_mre" else "mIoU")
+    if score == "val_mre":
+        axes[1, 0].set_yscale("log")
+    return figure
+
+
+def _scatter(found: Mapping[str, np.ndarray]) -> Figure:
+    """Predicted against true area, and the signed relative error against the true area."""
+    true, predicted = found["true"], found["predicted"]
+    figure = Figure(figsize=(10, 4.5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    ends = [min(true.min(), predicted.min()), max(true.max(), predicted.max())]
+    left.plot(ends, ends, color="0.7")
+    left.loglog(true, predicted, ".", markersize=4)
+    left.set(xlabel="true area (cm²)", ylabel="predicted area (cm²)")
+    error = 100.0 * (predicted - true) / true
+    bias, spread = error.mean(), 1.96 * error.std()
+    right.semilogx(true, error, ".", markersize=4)
+    for height, style in ((bias, "-"), (bias - spread, "--"), (bias + spread, "--")):
+        right.axhline(height, color="0.5", linestyle=style)
+    right.set(xlabel="true area (cm²)", ylabel="relative error (%)")
+    right.set_title(f"bias {bias:+.1f} %, 95 % within ±{spread:.1f} % of it", fontsize=10)
+    return figure
+
+
+def _gallery(pictures: Sequence[Picture]) -> str:
+    shown = (
+        f"<figure>{_drawn(picture)}<figcaption>{_caption(picture)}</figcaption></figure>"
+        for picture in pictures
+    )
+    return f"<div class=pictures>{''.join(shown)}</div>"
+
+
+def _caption(picture: Picture) -> str:
+    if picture.masks:
+        return f"overlap (IoU) {picture.figures['iou']:.3f}; predicted magenta, true blue"
+    predicted, true = picture.figures["predicted"], picture.figures["true"]
+    return f"{predicted:.1f} cm² for {true:.1f} cm²: {100 * (predicted / true - 1):+.1f} %"
+
+
+def _drawn(picture: Picture) -> str:
+    scale = _PICTURE_PIXELS / picture.image.shape[1]
+    drawn = cv2.resize(picture.image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    # The true outline goes first, so that the predicted one covers it where they agree.
+    for mask, colour in zip((picture.masks or ())[::-1], (_BLUE, _MAGENTA), strict=False):
+        large = cv2.resize(mask.astype(np.uint8), drawn.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+        contours, _ = cv2.findContours(large, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(drawn, contours, -1, colour, 1)
+    encoded = cv2.imencode(".jpg", drawn[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+    return f"<img alt='' src='data:image/jpeg;base64,{base64.b64encode(encoded).decode()}'>"
+
+
+def _chart(figure: Figure) -> str:
+    data = io.BytesIO()
+    with matplotlib.rc_context({"axes.spines.top": False, "axes.spines.right": False}):
+        figure.savefig(data, format="png", dpi=110)
+    return f"<img alt='' src='data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}'>"
+
+
+def _table(rows: Mapping[str, Any]) -> str:
+    cells = (f"<tr><td>{html.escape(key)}<td>{html.escape(_shown(value))}" for key, value in rows.items())
+    return f"<table>{''.join(cells)}</table>"
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, tuple):
+        return " × ".join(map(str, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,186 @@
+"""A run's folder: what it was made from, how far it is, how it went, its best model.
+
+config.toml     the configuration and where the run came from
+ranges.toml     a copy of the ranges, if they came from a file
+state.npz       variables and progress that a killed run continues from
+history.csv     one row per validation
+tensorboard/    the same for TensorBoard
+best.keras      the model with the best validation score
+metrics.json    its figures; written last, so its presence says that the run is finished
+report.html     all of it for reading
+"""
+
+import csv
+import io
+import json
+import platform
+import subprocess
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import keras
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf import config as configuration
+from laesi_tf.config import TrainConfig
+from laesi_tf.errors import InputError
+from laesi_tf.files import whole, write_text
+
+CONFIG, RANGES, STATE, HISTORY = "config.toml", "ranges.toml", "state.npz", "history.csv"
+BEST, METRICS, REPORT, TENSORBOARD = "best.keras", "metrics.json", "report.html", "tensorboard"
+_PACKAGES = ("laesi_tf", "tensorflow", "keras", "numpy", "opencv-contrib-python-headless")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A trained model, [B, H, W, 3] of 0..255 in, and the configuration that says what comes out."""
+
+    path: Path
+    config: TrainConfig
+    model: keras.Model
+
+
+@dataclass
+class Progress:
+    """How far a run is; with the variables' values, all that it needs to continue."""
+
+    step: int = 0
+    seconds: float = 0.0  # from start to now, without the time between a kill and the next start
+    timed_steps: int = 0  # steps and seconds spent on steps, for images/s
+    timed_seconds: float = 0.0
+    loss_sum: float = 0.0  # since the last row
+    loss_count: int = 0
+    best_merit: float | None = None
+    best_step: int = 0
+    stale: int = 0  # validations since the best
+    history: list[dict[str, float]] = field(default_factory=list)
+
+
+def load_run(path: Path | str) -> Run:
+    """The configuration and best model in a run's folder; InputError if missing, unfinished or broken."""
+    path = Path(path)
+    if not (path / CONFIG).is_file():
+        raise InputError(f"no run in {path}: it has no {CONFIG}; name a folder that train wrote with --out")
+    config = configuration.load(path / CONFIG)
+    best = path / BEST
+    if not best.is_file():
+        raise InputError(f"run {path} has no {BEST} yet: let train reach its first validation")
+    try:
+        model = keras.models.load_model(best, compile=False)
+    except Exception as error:  # zipfile, h5py, JSON and Keras each have their own
+        raise InputError(f"{best} is broken or from another Keras version: train it again") from error
+    return Run(path, config, model)
+
+
+def begin(path: Path, config: TrainConfig, origin: str) -> None:
+    """Write what a new run is made from."""
+    configuration.write(path / CONFIG, config, _provenance(origin))
+    if ranges := _ranges_file(config):
+        write_text(path / RANGES, ranges.read_text(encoding="utf-8"))
+
+
+def origin_of(path: Path, config: TrainConfig) -> str | None:
+    """The weights' origin of the run that `path` holds, None if there is none yet.
+
+    InputError if the folder is not a run's, or if the run was configured otherwise.
+    """
+    if not path.exists():
+        return None
+    if not path.is_dir():
+        raise InputError(f"{path} is a file; choose another --out")
+    if not (path / CONFIG).is_file():
+        if any(path.iterdir()):
+            raise InputError(f"{path} is neither empty nor a run's folder; choose another --out")
+        return None
+    keys = configuration.differing(configuration.load(path / CONFIG), config)
+    ranges = _ranges_file(config)
+    if not keys and ranges and (path / RANGES).read_bytes() != ranges.read_bytes():
+        keys = ["ranges (the file changed)"]
+    if keys:
+        raise InputError(
+            f"{path} holds a run that differs in {', '.join(keys)}; "
+            "continue it with its own configuration or choose another --out"
+        )
+    return configuration.read(path / CONFIG)[configuration.PROVENANCE]["weights_origin"]
+
+
+def save_state(path: Path, progress: Progress, variables: Sequence[Any]) -> None:
+    """Write what the run continues from, whole or not at all."""
+    values = {f"variable_{index}": variable.numpy() for index, variable in enumerate(variables)}
+    with whole(path / STATE) as temporary, temporary.open("wb") as file:
+        np.savez(file, allow_pickle=False, progress=np.array(json.dumps(asdict(progress))), **values)
+
+
+def load_state(path: Path, variables: Sequence[Any]) -> Progress:
+    """Set `variables` to what was saved and return the progress; as it started where nothing was saved."""
+    if not (path / STATE).is_file():
+        return Progress()
+    try:
+        with np.load(path / STATE, allow_pickle=False) as saved:
+            for index, variable in enumerate(variables):
+                variable.assign(saved[f"variable_{index}"])
+            return Progress(**json.loads(str(saved["progress"])))
+    except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path / STATE} is broken or of another version; choose another --out") from error
+
+
+def write_history(path: Path, rows: Sequence[Mapping[str, float]]) -> None:
+    """Write one line per validation; figures to seven digits."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({key: f"{value:.7g}" for key, value in row.items()} for row in rows)
+    write_text(path / HISTORY, text.getvalue())
+
+
+def log(writer: tf.summary.SummaryWriter, row: Mapping[str, float]) -> None:
+    """Add a row of the history to TensorBoard's log, which needs TensorBoard for reading only."""
+    kind = tf.compat.v1.SummaryMetadata()
+    kind.plugin_data.plugin_name = "scalars"
+    with writer.as_default(step=int(row["step"])):
+        for key, value in row.items():
+            if key != "step":
+                tf.summary.write(key, tf.constant(value, tf.float32), metadata=kind)
+    writer.flush()
+
+
+def _ranges_file(config: TrainConfig) -> Path | None:
+    path = Path(config.ranges)
+    return path if path.suffix == ".toml" and path.is_file() else None
+
+
+def _provenance(origin: str) -> dict[str, Any]:
+    packages = {name: _version(name) for name in _PACKAGES}
+    return {
+        "weights_origin": origin,
+        "git_commit": _commit(),
+        "python": platform.python_version(),
+        "packages": {name: version for name, version in packages.items() if version},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def _commit() -> str:
+    """The commit this package is checked out at, "+changes" if its files differ; empty outside a checkout."""
+    folder = Path(__file__).parent
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(folder), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", "__init__.py")  # not merely installed inside someone's repository
+        return git("rev-parse", "HEAD") + ("+changes" if git("status", "--porcelain", ".") else "")
+    except (OSError, subprocess.SubprocessError):
+        return ""

@@ -1,0 +1,96 @@
+"""Learning rates over a run, and the optimizers they drive.
+
+A schedule is a function (step, *, peak, final, steps) -> rate in plain TensorFlow: `step` counts from 0 to
+`steps` - 1, `peak` is the highest rate and `final` the last one. Scalar in, float32 scalar out.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import keras
+import tensorflow as tf
+
+Schedule = Callable[..., tf.Tensor]
+
+# Where in the run piecewise decay drops by a factor: the paper gives only the ends, 1e-3 and 1e-9, so the
+# factor is ten with seven plateaus. Those below 1e-6 move the weights by less than rounding; they get 3 % of
+# the steps together, the two that learn get 80 %.
+_DROPS = (0.5, 0.8, 0.94, 0.97, 0.98, 0.99)
+_WARM_UP = 0.05
+
+
+def constant(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+    """`peak` throughout."""
+    return tf.fill(tf.shape(step), tf.constant(peak, tf.float32))
+
+
+def piecewise(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+    """Seven plateaus of equal ratio from `peak` to `final`, as the paper's piecewise constant decay."""
+    passed = sum(tf.cast(_progress(step, steps) >= drop, tf.float32) for drop in _DROPS)
+    return _between(peak, final, passed / len(_DROPS))
+
+
+def exponential(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+    """Falls by the same ratio every step, from `peak` to `final`."""
+    return _between(peak, final, _progress(step, steps))
+
+
+def linear(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+    """Falls by the same amount every step, from `peak` to `final`."""
+    return peak + (final - peak) * _progress(step, steps)
+
+
+def cosine(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+    """Rises linearly over the first 5 % of the run, then half a cosine down to `final`."""
+    progress = _progress(step, steps)
+    rising = peak * (tf.cast(step, tf.float32) + 1.0) / max(1.0, math.ceil(_WARM_UP * steps))
+    fallen = tf.maximum(progress - _WARM_UP, 0.0) / (1.0 - _WARM_UP)
+    falling = final + (peak - final) * 0.5 * (1.0 + tf.cos(math.pi * fallen))
+    return tf.where(progress < _WARM_UP, tf.minimum(rising, peak), falling)
+
+
+SCHEDULES: dict[str, Schedule] = {
+    "piecewise": piecewise,
+    "cosine": cosine,
+    "exponential": exponential,
+    "linear": linear,
+    "constant": constant,
+}
+
+# Keras's defaults where the paper is silent. A noisy scene can throw a gradient far off: its norm is clipped.
+_CLIP = {"global_clipnorm": 1.0}
+OPTIMIZERS: dict[str, Callable[..., keras.optimizers.Optimizer]] = {
+    "rmsprop": lambda rate: keras.optimizers.RMSprop(rate, **_CLIP),
+    "adam": lambda rate: keras.optimizers.Adam(rate, **_CLIP),
+    "adamw": lambda rate: keras.optimizers.AdamW(rate, **_CLIP),
+    "nadam": lambda rate: keras.optimizers.Nadam(rate, **_CLIP),
+    "sgd": lambda rate: keras.optimizers.SGD(rate, momentum=0.9, nesterov=True, **_CLIP),
+}
+
+
+def optimizer(
+    name: str, *, schedule: str, peak: float, final: float, steps: int
+) -> keras.optimizers.Optimizer:
+    """An optimizer of OPTIMIZERS whose rate follows a schedule of SCHEDULES over `steps` steps."""
+    return OPTIMIZERS[name](_Following(SCHEDULES[schedule], peak=peak, final=final, steps=steps))
+
+
+class _Following(keras.optimizers.schedules.LearningRateSchedule):
+    """What Keras asks of a schedule, around a plain function."""
+
+    def __init__(self, schedule: Schedule, **ends: Any) -> None:
+        super().__init__()
+        self.schedule, self.ends = schedule, ends
+
+    def __call__(self, step: Any) -> tf.Tensor:
+        return self.schedule(tf.convert_to_tensor(step), **self.ends)
+
+
+def _progress(step: tf.Tensor, steps: int) -> tf.Tensor:
+    return tf.clip_by_value(tf.cast(step, tf.float32) / max(1, steps - 1), 0.0, 1.0)
+
+
+def _between(peak: float, final: float, progress: tf.Tensor) -> tf.Tensor:
+    """From `peak` to `final` in equal ratios as `progress` goes from 0 to 1."""
+    return peak * tf.exp(math.log(final / peak) * progress)
