@@ -1,0 +1,39 @@
+"""Every way to measure a photo, behind one protocol; only `load_estimator` knows them all."""
+
+from pathlib import Path
+
+from laesi_tf.errors import InputError
+from laesi_tf.estimators.base import Estimator, Known, Leaf, Measurement
+from laesi_tf.estimators.regression import Regression
+from laesi_tf.estimators.segmentation import Segmentation
+from laesi_tf.runs import load_run
+
+__all__ = ["Estimator", "Known", "Leaf", "Measurement", "Regression", "Segmentation", "load_estimator"]
+
+
+def load_estimator(run: Path | str, *, mask_run: Path | str | None = None) -> Estimator:
+    """Return the estimator that the training run in folder `run` is for.
+
+    A run of task `area` gives the regression, of task `mask` the segmentation. `mask_run`, a run of task
+    `mask`, adds outlines to a regression. Raises InputError.
+    """
+    trained = load_run(Path(run))
+    if trained.config.task == "mask":
+        if mask_run is not None:
+            raise InputError(
+                f"{run} is a mask model itself; name an area model beside the mask model {mask_run}"
+            )
+        return Segmentation(trained.model, trained.config.size)
+    return Regression(
+        trained.model,
+        trained.config.size,
+        trained.config.transform,
+        segmentation=None if mask_run is None else _segmentation(mask_run),
+    )
+
+
+def _segmentation(run: Path | str) -> Segmentation:
+    trained = load_run(Path(run))
+    if trained.config.task != "mask":
+        raise InputError(f"{run} is a model of {trained.config.task}; name one trained with --task mask")
+    return Segmentation(trained.model, trained.config.size)

@@ -1,0 +1,167 @@
+"""Real photos with known leaf area, as a manifest lists them.
+
+A manifest is a CSV file with the header `image,area_cm2` and optionally `mask`, `px_per_mm`, `grid_mm`,
+`split`, `subset` and `species`; other columns are ignored. Paths are relative to the CSV and may not leave
+its folder.
+"""
+
+import csv
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+from typing import TextIO
+
+from laesi_tf.data.decoding import upright_size
+from laesi_tf.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Photo:
+    """One row of a manifest."""
+
+    name: str
+    """The image's path as the manifest has it."""
+    image: Path
+    area_cm2: float
+    mask: Path | None = None
+    px_per_mm: float | None = None
+    """Scale at the leaf's centroid."""
+    grid_mm: float = 1.0
+    """Distance between the finest lines of the paper."""
+    split: str | None = None
+    subset: str | None = None
+    species: str | None = None
+
+
+def read_manifest(path: Path | str, *, split: str | None = None) -> list[Photo]:
+    """Return the photos that the manifest at `path` lists, in its order; with `split`, only those of it.
+
+    Every row is checked, whichever split it is in; pictures that turn out to be damaged are left to whoever
+    decodes them. Raises InputError that names the file and the line.
+    """
+    path = Path(path)
+    try:
+        # utf-8-sig: Excel writes a byte order mark before the first column's name.
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = list(_rows(path, file))
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"cannot read manifest {path}: {error.strerror}; name a CSV file") from None
+    except UnicodeDecodeError:
+        raise InputError(f"manifest {path} is not UTF-8 text; save it as 'CSV UTF-8'") from None
+    except (csv.Error, ValueError) as error:
+        raise InputError(f"manifest {path} is not a CSV file ({error}); save it as 'CSV UTF-8'") from None
+    _require_distinct(path, rows)
+    return _chosen(path, [photo for _, photo in rows], split)
+
+
+def _rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:
+    """Yield (line number, photo) for every row of the manifest."""
+    header = file.readline()
+    # Where the comma is the decimal mark, Excel separates by semicolons.
+    comma = ";" not in header or "," in header
+    lines = itertools.chain([header], file)
+    reader = csv.DictReader(lines, delimiter="," if comma else ";", skipinitialspace=True, strict=True)
+    columns = [(name or "").strip() for name in reader.fieldnames or ()]
+    for column in ("image", "area_cm2"):
+        if columns.count(column) != 1:
+            raise InputError(
+                f"manifest {path} has no single column {column!r} in its first line; "
+                "it must begin with a header such as image,area_cm2,mask"
+            )
+    reader.fieldnames = columns
+    for row in reader:
+        where = f"{path} line {reader.line_num}"
+        cells = {key: (value or "").strip() for key, value in row.items() if isinstance(value, str | None)}
+        if not comma:
+            cells = {key: _decimal_point(key, value) for key, value in cells.items()}
+        if any(cells.values()):
+            yield reader.line_num, _photo(path.parent, cells, where)
+
+
+_NUMBERS = ("area_cm2", "px_per_mm", "grid_mm")
+
+
+def _decimal_point(column: str, value: str) -> str:
+    return value.replace(",", ".") if column in _NUMBERS else value
+
+
+def _photo(folder: Path, cells: Mapping[str, str], where: str) -> Photo:
+    photo = Photo(
+        name=cells["image"],
+        image=_inside(folder, cells["image"], where, "image"),
+        area_cm2=_positive(cells["area_cm2"], where, "area_cm2"),
+        mask=_inside(folder, cells["mask"], where, "mask") if cells.get("mask") else None,
+        px_per_mm=_positive(cells["px_per_mm"], where, "px_per_mm") if cells.get("px_per_mm") else None,
+        grid_mm=_positive(cells["grid_mm"], where, "grid_mm") if cells.get("grid_mm") else 1.0,
+        split=cells.get("split") or None,
+        subset=cells.get("subset") or None,
+        species=cells.get("species") or None,
+    )
+    _require_same_size(photo, where)
+    return photo
+
+
+def _positive(text: str, where: str, column: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{where}: {column} is {text!r}; it must be a number above 0")
+    return value
+
+
+def _inside(folder: Path, text: str, where: str, column: str) -> Path:
+    """The file that `text` names below `folder`; links are followed before it is judged."""
+    if not text or "\0" in text:
+        raise InputError(f"{where}: {column} is not a path; name a file relative to the manifest")
+    written = PureWindowsPath(text)  # Takes both kinds of slashes for separators.
+    path = folder / written.as_posix()
+    outside = written.is_absolute() or written.drive or written.root or ".." in written.parts
+    if outside or not path.resolve().is_relative_to(folder.resolve()):
+        raise InputError(
+            f"{where}: {column} {text!r} leaves the manifest's folder; put the file below {folder}"
+        )
+    if not path.is_file():
+        raise InputError(f"{where}: {column} {text!r} does not exist; its path is relative to {folder}")
+    return path
+
+
+def _require_same_size(photo: Photo, where: str) -> None:
+    if photo.mask is None:
+        return
+    try:
+        image, mask = upright_size(photo.image), upright_size(photo.mask)
+    except InputError:
+        return  # Damaged: named and skipped where it is decoded, so that the other photos count.
+    if image != mask:
+        raise InputError(
+            f"{where}: mask is {mask[1]} x {mask[0]} pixels but its image {image[1]} x {image[0]} "
+            "(upright); give every mask its image's size"
+        )
+
+
+def _require_distinct(path: Path, rows: Sequence[tuple[int, Photo]]) -> None:
+    first: dict[Path, int] = {}
+    for line, photo in rows:
+        earlier = first.setdefault(photo.image.resolve(), line)
+        if earlier != line:
+            raise InputError(
+                f"{path} line {line}: image {photo.name!r} stands in line {earlier} already; keep one of them"
+            )
+
+
+def _chosen(path: Path, photos: list[Photo], split: str | None) -> list[Photo]:
+    if not photos:
+        raise InputError(f"manifest {path} lists no photo; add a line for each")
+    if split is None:
+        return photos
+    chosen = [photo for photo in photos if photo.split == split]
+    if not chosen:
+        known = ", ".join(sorted({photo.split for photo in photos if photo.split})) or "none"
+        raise InputError(f"manifest {path} has no photo in split {split!r}; its splits: {known}")
+    return chosen

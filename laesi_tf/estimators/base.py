@@ -1,0 +1,78 @@
+"""What every way of measuring a photo has in common.
+
+An estimator takes one upright photo at full resolution and returns the leaves on it, or says why it will not.
+It is asked for one photo at a time: photos differ in size, and a measurement must not depend on its company.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What is known about a photo before it is measured; an estimator that finds out by itself ignores it."""
+
+    px_per_mm: float | None = None
+    """Scale at the leaf's centroid, as with a scanner's resolution."""
+    grid_mm: float = 1.0
+    """Distance between the finest lines of the paper."""
+
+
+NOTHING = Known()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Leaf:
+    """One leaf; what an estimator does not find out is None."""
+
+    area_cm2: float | None = None
+    """Flat one-sided area, holes subtracted, petiole included."""
+    uncertainty_cm2: float | None = None
+    """Standard deviation of `area_cm2`."""
+    px_per_mm: float | None = None
+    """Scale at the leaf's centroid that the area rests on."""
+    outline: np.ndarray | None = None
+    """[N, 2] outer contour as (x, y) in photo pixels, pixel centres at whole numbers."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measurement:
+    """What an estimator says about one photo: an area for each leaf, or a refusal and no area at all.
+
+    A refused measurement may still hold leaves, with outlines but no areas.
+    """
+
+    method: str
+    """How it was measured, for people: `regression`, `mask x given scale`."""
+    leaves: tuple[Leaf, ...] = ()
+    mask: np.ndarray | None = None
+    """bool [H, W] at the photo's size, True on any leaf; None from an estimator that makes no masks."""
+    refusal: str | None = None
+    """Why no area is given and what would help, or None."""
+
+    @property
+    def area_cm2(self) -> float | None:
+        """Area of all leaves together; None when refused."""
+        areas = [leaf.area_cm2 for leaf in self.leaves if leaf.area_cm2 is not None]
+        return sum(areas) if areas and self.refusal is None else None
+
+
+class Estimator(Protocol):
+    """A way to measure leaves on a photo."""
+
+    def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
+        """Measure the leaves on `image`, uint8 [H, W, 3] RGB, upright, of any size.
+
+        The same image gives the same measurement, whatever was measured before; `image` is not changed. An
+        image that cannot be measured is refused in the result, not by an exception.
+        """
+        ...
+
+
+def trace(mask: np.ndarray) -> np.ndarray:
+    """Outer contour [N, 2], (x, y) at pixel centres, of the largest piece of `mask`, bool [H, W]."""
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    return max(contours, key=cv2.contourArea)[:, 0, :]

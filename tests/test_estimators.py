@@ -1,0 +1,104 @@
+"""The estimators made of networks, on networks whose answer is known."""
+
+import math
+from pathlib import Path
+
+import keras
+import numpy as np
+import pytest
+from conformance import EstimatorConformance
+from green import area_network, disk, mask_network, photo, save_run
+
+from laesi_tf.errors import InputError
+from laesi_tf.estimators import Estimator, Known, Regression, Segmentation, load_estimator
+
+SIZE = (64, 64)
+
+
+class TestRegression(EstimatorConformance):
+    @pytest.fixture(scope="class")
+    @classmethod
+    def estimator(cls) -> Estimator:
+        return Regression(area_network(SIZE), SIZE, "none")
+
+
+class TestSegmentation(EstimatorConformance):
+    @pytest.fixture(scope="class")
+    @classmethod
+    def estimator(cls) -> Estimator:
+        return Segmentation(mask_network(SIZE), SIZE)
+
+
+class TestRegressionWithOutline(EstimatorConformance):
+    @pytest.fixture(scope="class")
+    @classmethod
+    def estimator(cls) -> Estimator:
+        segmentation = Segmentation(mask_network((48, 64)), (48, 64))
+        return Regression(area_network(SIZE), SIZE, "none", segmentation=segmentation)
+
+
+def test_regression_sees_the_whole_photo_with_square_pixels() -> None:
+    estimator = Regression(area_network((64, 64)), (64, 64), "none")
+    landscape = estimator.measure(photo(300, 600)).area_cm2
+    # A disk of 0.3 of the shorter side, which is half of the input's side, the rest being filled.
+    assert landscape == pytest.approx(100 * math.pi * 0.15**2, rel=0.05)
+
+
+def test_regression_inverts_the_transform() -> None:
+    plain = Regression(area_network(SIZE), SIZE, "none").measure(photo(200, 200)).area_cm2
+    root = Regression(area_network(SIZE), SIZE, "sqrt").measure(photo(200, 200)).area_cm2
+    assert plain is not None and root == pytest.approx(plain**2)
+
+
+def test_regression_refuses_what_is_not_a_number() -> None:
+    picture = keras.Input((*SIZE, 3))
+    broken = keras.Model(picture, keras.layers.Rescaling(math.nan)(keras.layers.Dense(1)(picture[:, 0, 0])))
+    measured = Regression(broken, SIZE, "none").measure(photo(100, 100))
+    assert measured.refusal is not None and measured.area_cm2 is None
+
+
+@pytest.mark.parametrize("size", [(300, 300), (300, 450), (450, 300), (1200, 900)])
+def test_mask_lies_on_the_leaf_at_the_photos_size(size: tuple[int, int]) -> None:
+    mask = Segmentation(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
+    assert mask is not None and mask.shape == size
+    true = disk(*size)
+    assert (mask & true).sum() / (mask | true).sum() > 0.95
+
+
+def test_mask_times_given_scale_is_the_area() -> None:
+    measured = Segmentation(mask_network((96, 96)), (96, 96)).measure(photo(600, 600), Known(px_per_mm=4.0))
+    assert measured.area_cm2 == pytest.approx(math.pi * 180**2 / 4**2 / 100, rel=0.02)
+    assert measured.leaves[0].px_per_mm == 4.0
+
+
+def test_without_scale_the_area_is_refused_and_the_mask_given() -> None:
+    measured = Segmentation(mask_network(SIZE), SIZE).measure(photo(200, 200))
+    assert measured.refusal is not None and "px_per_mm" in measured.refusal
+    assert measured.area_cm2 is None and measured.mask is not None and measured.leaves[0].outline is not None
+
+
+def test_only_the_largest_piece_is_the_leaf() -> None:
+    image = photo(200, 200)
+    image[5:15, 5:15] = (40, 160, 40)
+    mask = Segmentation(mask_network((100, 100)), (100, 100)).measure(image).mask
+    assert mask is not None and mask[100, 100] and not mask[:30, :30].any()
+
+
+def test_no_leaf_is_refused() -> None:
+    blank = np.full((100, 100, 3), 240, np.uint8)
+    segmentation = Segmentation(mask_network(SIZE), SIZE)
+    for estimator in (segmentation, Regression(area_network(SIZE), SIZE, "none", segmentation=segmentation)):
+        measured = estimator.measure(blank, Known(px_per_mm=4.0))
+        assert measured.refusal is not None and "no leaf" in measured.refusal
+        assert measured.mask is not None and not measured.mask.any()
+
+
+def test_load_estimator_follows_the_runs_task(tmp_path: Path) -> None:
+    area, mask = save_run(tmp_path / "area", "area"), save_run(tmp_path / "mask", "mask")
+    assert load_estimator(area).measure(photo(100, 100)).mask is None
+    assert load_estimator(area, mask_run=mask).measure(photo(100, 100)).mask is not None
+    assert load_estimator(mask).measure(photo(100, 100)).refusal is not None
+    with pytest.raises(InputError, match="--task mask"):
+        load_estimator(area, mask_run=area)
+    with pytest.raises(InputError, match="mask model itself"):
+        load_estimator(mask, mask_run=mask)

@@ -1,0 +1,53 @@
+"""Photos of any shape in networks of fixed shape, and masks back on photos."""
+
+import numpy as np
+import pytest
+from green import PAPER, disk, photo
+
+from laesi_tf.data.fitting import fit, fit_mask, place
+
+
+def test_photo_of_the_inputs_size_is_unchanged() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (64, 48, 3), np.uint8)
+    assert np.array_equal(fit(image, (64, 48))[0], image)
+
+
+def test_shrinking_takes_the_mean_of_each_footprint() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
+    means = image.reshape(15, 4, 20, 4, 3).mean(axis=(1, 3))
+    assert np.abs(fit(image, (15, 20))[0] - means).max() <= 1
+
+
+@pytest.mark.parametrize("size", [(300, 300), (200, 400), (400, 200), (333, 517), (30, 20)])
+@pytest.mark.parametrize("target", [(64, 64), (96, 64)])
+def test_pixels_stay_square_and_nothing_is_cropped(size: tuple[int, int], target: tuple[int, int]) -> None:
+    placement = place(size, target)
+    down, across = placement.scale
+    assert down == pytest.approx(across, rel=0.51 / min(placement.extent))
+    assert all(offset >= 0 for offset in placement.offset)
+    ends = [offset + length for offset, length in zip(placement.offset, placement.extent, strict=True)]
+    assert ends[0] <= target[0] and ends[1] <= target[1]
+    assert placement.extent[0] == target[0] or placement.extent[1] == target[1]
+
+
+def test_fill_is_the_colour_along_the_border() -> None:
+    image, placement = fit(photo(100, 200), (64, 64))
+    assert placement.offset == (16, 0)
+    assert (image[:16] == PAPER).all() and (image[48:] == PAPER).all()
+
+
+@pytest.mark.parametrize("size", [(300, 300), (200, 400), (411, 200)])
+def test_mask_there_and_back(size: tuple[int, int]) -> None:
+    true = disk(*size)
+    small = fit_mask(true, (96, 96))
+    placement = place(size, (96, 96))
+    assert small.sum() / np.prod(placement.scale) == pytest.approx(true.sum(), rel=0.03)
+    back = placement.to_photo(small) >= 0.5
+    assert back.shape == size and (back & true).sum() / (back | true).sum() > 0.94
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 5000), (40000, 3)])
+def test_extreme_shapes(size: tuple[int, int]) -> None:
+    image, placement = fit(np.full((*size, 3), 77, np.uint8), (64, 64))
+    assert image.shape == (64, 64, 3) and (image == 77).all()
+    assert placement.to_photo(np.ones((64, 64))).shape == size
