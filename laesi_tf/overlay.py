@@ -29,43 +29,48 @@ SIDE = 1600
 def outlined(
     image: np.ndarray, outlines: Sequence[tuple[np.ndarray, Colour]], *, side: int = SIDE
 ) -> np.ndarray:
-    """`image` [H, W, 3] with its longer side brought to `side` pixels or less, and `outlines` on it.
+    """`image` [H, W, 3] with its longer side brought to `side` pixels, and `outlines` on it.
 
-    Each outline is [N, 2], (x, y) in the pixels of `image`. Photos of less than half of `side` are enlarged
-    to that, so that text and lines keep their proportion.
+    Each outline is [N, 2], (x, y) in the pixels of `image`.
     """
-    longer = max(image.shape[:2])
-    scale = min(side / longer, max(1.0, side / 2 / longer))
+    scale = side / max(image.shape[:2])
     width, height = (max(1, round(length * scale)) for length in (image.shape[1], image.shape[0]))
-    picture = cv2.resize(
-        image, (width, height), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    )
-    thickness = max(1, round(max(width, height) / 400))
+    filter_ = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    picture = cv2.resize(image, (width, height), interpolation=filter_)
     for outline, colour in outlines:
         # Sixteenths of a pixel; pixel centres move by half a pixel on scaling.
         points = np.round(((outline + 0.5) * scale - 0.5) * 16).astype(np.int32)
-        cv2.polylines(picture, [points], True, colour, thickness, cv2.LINE_AA, shift=4)
+        cv2.polylines(picture, [points], True, colour, max(1, side // 400), cv2.LINE_AA, shift=4)
     return picture
 
 
 def captioned(picture: np.ndarray, lines: Sequence[str]) -> np.ndarray:
     """`picture` [H, W, 3] with `lines` of text in a strip below, where they hide nothing.
 
-    The letters are a thirtieth of the longer side high, less where a line would not fit.
+    The letters are a thirtieth of the longer side high; a line that would not fit is set smaller, then cut.
     """
     height, width = picture.shape[:2]
-    font_size = max(10.0, max(height, width) / 30)
-    font = ImageFont.truetype(_FONT, font_size)
-    widest = max(font.getlength(line) for line in lines)
-    font_size = max(8.0, font_size * min(1.0, 0.96 * width / max(widest, 1.0)))
-    font = font.font_variant(size=font_size)
-    step = round(font_size * 1.4)
+    font = ImageFont.truetype(_FONT, max(10.0, max(height, width) / 30))
+    step = round(font.size * 1.4)
     framed = Image.new("RGB", (width, height + step * len(lines) + step // 3), "white")
     framed.paste(Image.fromarray(picture), (0, 0))
     draw = ImageDraw.Draw(framed)
+    margin = width // 50
     for number, line in enumerate(lines):
-        draw.text((width // 50, height + step // 6 + number * step), line, fill="black", font=font)
+        text, fitting = _fitted(line, font, width - 2 * margin)
+        draw.text((margin, height + step // 6 + number * step), text, fill="black", font=fitting)
     return np.asarray(framed)
+
+
+def _fitted(line: str, font: ImageFont.FreeTypeFont, width: int) -> tuple[str, ImageFont.FreeTypeFont]:
+    """`line` and a font that make `width` pixels at most: down to half the size, then without its end."""
+    excess = font.getlength(line) / max(1, width)
+    if excess <= 1:
+        return line, font
+    small = font.font_variant(size=font.size / min(excess * 1.02, 2.0))
+    while len(line) > 1 and small.getlength(line) > width:
+        line = f"{line[:-2]}…"
+    return line, small
 
 
 def sheet(pictures: Sequence[np.ndarray], *, columns: int = 4, gap: int = 12) -> np.ndarray:

@@ -13,7 +13,7 @@ from laesi_tf.data.decoding import SUFFIXES, decode
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Estimator, Known, Measurement, load_estimator
 from laesi_tf.files import require_writable, write_csv, write_json
-from laesi_tf.overlay import FOUND, captioned, outlined, printable, write_png
+from laesi_tf.overlay import FOUND, SIDE, captioned, outlined, printable, write_png
 
 _OVERLAY = ".overlay.png"
 _COLUMNS = ("photo", "area_cm2", "px_per_mm", "method", "error")
@@ -157,7 +157,11 @@ def _picture(image: np.ndarray, measurement: Measurement, name: str) -> np.ndarr
     outlines = [(leaf.outline, FOUND) for leaf in measurement.leaves if leaf.outline is not None]
     areas = [f"{leaf.area_cm2:.2f} cm²" for leaf in measurement.leaves if leaf.area_cm2 is not None]
     said = ", ".join(areas) if measurement.refusal is None else f"refused: {measurement.refusal}"
-    return captioned(outlined(image, outlines), [said, f"{printable(name)}  ({measurement.method})"])
+    # A small photo is enlarged until the text beneath it can be read.
+    side = min(SIDE, max(SIDE // 2, *image.shape[:2]))
+    return captioned(
+        outlined(image, outlines, side=side), [said, f"{printable(name)}  ({measurement.method})"]
+    )
 
 
 def _record(row: Row) -> dict[str, object]:
@@ -173,7 +177,9 @@ def _report(rows: Sequence[Row], table: Path) -> None:
     skipped = sum(row.overlay is None for row in rows)
     refused = sum(row.error is not None and row.overlay is not None for row in rows)
     measured = sum(row.area_cm2 is not None for row in rows)
-    print(f"{measured} leaves measured, {refused} photos refused, {skipped} skipped: {printable(table)}")
+    print(
+        f"leaves measured: {measured}, photos refused: {refused}, skipped: {skipped}; see {printable(table)}"
+    )
 
 
 if __name__ == "__main__":

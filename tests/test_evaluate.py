@@ -1,0 +1,177 @@
+"""Scores of an estimator whose answers are known."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from green import disk, photo, save_run
+from PIL import Image
+
+from laesi_tf import evaluate as command
+from laesi_tf.data.photos import Photo
+from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
+from laesi_tf.overlay import captioned, outlined, sheet
+from laesi_tf.scoring import Score, evaluate, interval, rank, subsets, summarise
+
+# What the area network says of `photo(96, 96)`, by design.
+PERCENT = 100 * math.pi * 0.3**2
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("runs")
+    return {task: save_run(folder / task, task, size=(96, 96)) for task in ("area", "mask")}
+
+
+@pytest.fixture
+def manifest(tmp_path: Path) -> Path:
+    """Four photos of one leaf: right, 50 % too small, on other paper without mask, and cut short."""
+    for name in "abcd":
+        Image.fromarray(photo(96, 96)).save(tmp_path / f"{name}.png")
+        Image.fromarray(disk(96, 96)).save(tmp_path / f"{name}_mask.png")
+    whole = (tmp_path / "d.png").read_bytes()
+    (tmp_path / "d.png").write_bytes(whole[: len(whole) // 2])
+    path = tmp_path / "manifest.csv"
+    path.write_text(
+        "image,area_cm2,mask,px_per_mm,grid_mm,subset,split\n"
+        f"a.png,{PERCENT},a_mask.png,2,1,easy,test\n"
+        f"b.png,{PERCENT * 2},b_mask.png,2,1,hard,test\n"
+        f"c.png,{PERCENT},,,5,,test\n"
+        f"d.png,{PERCENT},d_mask.png,2,1,easy,test\n"
+    )
+    return path
+
+
+def run_on(manifest: Path, out: Path, *models: str) -> dict[str, dict[str, float | None]]:
+    command.main(["--photos", str(manifest), "--out", str(out), "--json", str(out / "all.json"), *models])
+    return json.loads((out / "all.json").read_text())
+
+
+def test_figures_of_each_subset(
+    runs: dict[str, Path], manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = run_on(
+        manifest,
+        tmp_path / "out",
+        "--model",
+        str(runs["area"]),
+        "--mask-model",
+        str(runs["mask"]),
+        "--split",
+        "test",
+    )
+    assert list(found) == ["all", "easy", "hard", "grid 5 mm"]
+    assert found["easy"]["mre"] == pytest.approx(0, abs=2) and found["hard"]["mre"] == pytest.approx(
+        50, abs=2
+    )
+    assert found["all"]["mre"] == pytest.approx(50 / 3, abs=2) and found["all"]["median"] == pytest.approx(
+        0, abs=2
+    )
+    assert found["all"]["n"] == 3 and found["all"]["skipped"] == 1 and found["all"]["refused"] == 0
+    assert found["easy"]["n"] == 1 and found["easy"]["skipped"] == 1
+    assert found["easy"]["miou"] > 0.97 and found["easy"]["mpe"] < 0.03
+    assert found["grid 5 mm"]["miou"] is None and found["grid 5 mm"]["mpe"] is None
+    printed = capsys.readouterr().out
+    assert "1 of 4 photos are not on 1 mm paper" in printed and "skipped d.png: " in printed
+
+
+def test_files_of_a_run(runs: dict[str, Path], manifest: Path, tmp_path: Path) -> None:
+    run_on(manifest, tmp_path / "out", "--model", str(runs["area"]))
+    with (tmp_path / "out" / "photos.csv").open(newline="") as file:
+        rows = {row["image"]: row for row in csv.DictReader(file)}
+    assert list(rows) == ["a.png", "b.png", "c.png", "d.png"]
+    assert float(rows["b.png"]["relative_error_percent"]) == pytest.approx(-50, abs=2)
+    assert rows["a.png"]["method"] == "regression" and rows["a.png"]["iou"] == ""
+    assert "cannot be decoded" in rows["d.png"]["error"] and rows["d.png"]["predicted_cm2"] == ""
+    worst = np.asarray(Image.open(tmp_path / "out" / "worst.png"))
+    assert worst.shape[1] > 3 * 400 and {tuple(pixel) for pixel in worst.reshape(-1, 3)} >= {command.TRUE}
+
+
+def test_mask_model_needs_the_manifests_scale(runs: dict[str, Path], manifest: Path, tmp_path: Path) -> None:
+    found = run_on(manifest, tmp_path / "out", "--model", str(runs["mask"]))
+    area = math.pi * (0.3 * 96) ** 2 / 2**2 / 100
+    assert found["easy"]["mre"] == pytest.approx(100 * (1 - area / PERCENT), abs=1)
+    assert found["grid 5 mm"]["refused"] == 1 and found["grid 5 mm"]["mre"] is None and found["all"]["n"] == 3
+
+
+def photo_of(area_cm2: float, **fields: object) -> Photo:
+    return Photo(name="a.png", image=Path("a.png"), area_cm2=area_cm2, **fields)  # type: ignore[arg-type]
+
+
+def test_figures_against_numbers_by_hand() -> None:
+    scores = [Score(photo=photo_of(10.0), predicted_cm2=predicted) for predicted in (9.0, 12.0, 10.0, 15.0)]
+    scores.append(Score(photo=photo_of(10.0), refusal="no grid"))
+    figures = summarise(scores)
+    assert figures["mre"] == pytest.approx((10 + 20 + 0 + 50) / 4) and figures["median"] == pytest.approx(15)
+    assert figures["p90"] == pytest.approx(41) and figures["n"] == 5 and figures["refused"] == 1
+    assert figures["mre_low"] <= figures["mre"] <= figures["mre_high"]  # type: ignore[operator]
+    assert [score.predicted_cm2 for score in rank(scores)] == [15.0, 12.0, 9.0, 10.0]
+
+
+def test_nothing_measured_has_no_figures() -> None:
+    figures = summarise(
+        [Score(photo=photo_of(1.0), error="cut"), Score(photo=photo_of(1.0), refusal="no grid")]
+    )
+    assert figures["n"] == 1 and figures["skipped"] == 1
+    assert all(figures[key] is None for key in ("mre", "mre_low", "median", "p90", "miou", "mpe"))
+
+
+def test_interval_covers_the_mean_and_narrows() -> None:
+    errors = np.random.default_rng(1).exponential(5.0, 400)
+    low, high = interval(errors)
+    assert low < errors.mean() < high and interval(errors) == (low, high)
+    # Four times the standard error of the mean, about.
+    assert high - low == pytest.approx(3.92 * errors.std() / 20, rel=0.15)
+    assert interval(np.array([7.0])) == (7.0, 7.0)
+
+
+def test_subset_named_all_does_not_hide_the_others() -> None:
+    scores = [Score(photo=photo_of(1.0, subset="all")), Score(photo=photo_of(1.0))]
+    assert subsets(scores) == {"all": scores}
+
+
+def test_a_leaf_that_was_not_found_counts_as_no_overlap(manifest: Path) -> None:
+    class Blind:
+        def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
+            return Measurement(method="blind", mask=np.zeros(image.shape[:2], bool), refusal="no leaf found")
+
+    mask = manifest.parent / "a_mask.png"
+    one = Photo(name="a.png", image=manifest.parent / "a.png", area_cm2=1.0, mask=mask)
+    figures = summarise(evaluate(Blind(), [one]))
+    assert figures["miou"] == 0.0 and figures["mpe"] == 1.0 and figures["refused"] == 1
+
+
+def test_every_leaf_counts_towards_the_area() -> None:
+    leaves = (Leaf(area_cm2=2.0), Leaf(area_cm2=3.0))
+    assert Measurement(method="two", leaves=leaves).area_cm2 == 5.0
+    assert Measurement(method="two", leaves=leaves, refusal="tilted").area_cm2 is None
+
+
+def test_outline_is_drawn_where_the_leaf_is() -> None:
+    image = np.zeros((3000, 4000, 3), np.uint8)
+    square = np.array([[1000, 1000], [3000, 1000], [3000, 2000], [1000, 2000]])
+    picture = outlined(image, [(square, (255, 0, 160))], side=400)
+    assert picture.shape == (300, 400, 3)
+    rows, columns = np.nonzero(picture[..., 0] > 100)
+    assert (rows.min(), rows.max(), columns.min(), columns.max()) == pytest.approx(
+        (100, 200, 100, 300), abs=1
+    )
+    assert not image.any()
+
+
+def test_caption_is_readable_and_hides_nothing() -> None:
+    image = np.full((300, 400, 3), 90, np.uint8)
+    framed = captioned(image, ["31.25 cm²", "a long name " * 20])
+    assert np.array_equal(framed[:300], image)
+    assert framed.shape[0] > 330 and (framed[300:] < 128).any(axis=2).sum() > 100
+    assert (framed[300:, -3:] == 255).all(), "the long line runs out of the picture"
+
+
+def test_sheet_holds_pictures_of_any_size() -> None:
+    pictures = [np.full((height, 50, 3), shade, np.uint8) for height, shade in [(40, 10), (60, 20), (50, 30)]]
+    page = sheet(pictures, columns=2, gap=5)
+    assert page.shape == (2 * 65 + 5, 2 * 55 + 5, 3)
+    assert [(page == picture[0, 0]).all(axis=2).sum() for picture in pictures] == [2000, 3000, 2500]

@@ -1,0 +1,133 @@
+"""Measuring photos from the command line."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from green import photo, save_run
+from PIL import Image
+
+from laesi_tf import predict as command
+from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
+
+Rows = list[dict[str, object]]
+PERCENT = 100 * math.pi * 0.3**2
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("runs")
+    return {task: save_run(folder / task, task, size=(96, 96)) for task in ("area", "mask")}
+
+
+def save(path: Path, *size: int) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(photo(*size)).save(path)
+    return path
+
+
+def predict(out: Path, *arguments: object) -> Rows:
+    command.main([*map(str, arguments), "--out", str(out), "--json", str(out / "areas.json")])
+    return json.loads((out / "areas.json").read_text())
+
+
+def test_area_of_each_photo(
+    runs: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    photos = [save(tmp_path / "in" / name, 96, 96) for name in ("a.png", "b.tif")]
+    rows = predict(tmp_path / "out", *photos, "--model", runs["area"])
+    assert [row["photo"] for row in rows] == [str(path) for path in photos]
+    for row in rows:
+        assert row["area_cm2"] == pytest.approx(PERCENT, rel=0.03)
+        assert set(row) == {"photo", "area_cm2", "px_per_mm", "method", "error"}
+        assert (row["px_per_mm"], row["method"], row["error"]) == (None, "regression", None)
+    assert f"{rows[0]['area_cm2']:.2f} cm2" in capsys.readouterr().out
+
+
+def test_known_scale(runs: dict[str, Path], tmp_path: Path) -> None:
+    (row,) = predict(
+        tmp_path / "out", save(tmp_path / "a.png", 300, 400), "--model", runs["mask"], "--px-per-mm", 4
+    )
+    assert row["area_cm2"] == pytest.approx(math.pi * 90**2 / 16 / 100, rel=0.03) and row["px_per_mm"] == 4.0
+
+
+def test_refusal_is_told(runs: dict[str, Path], tmp_path: Path) -> None:
+    (row,) = predict(tmp_path / "out", save(tmp_path / "a.png", 96, 96), "--model", runs["mask"])
+    assert row["area_cm2"] is None and "px_per_mm" in str(row["error"])
+
+
+def test_folder_with_bad_photos(
+    runs: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "in"
+    whole = save(folder / "good.PNG", 96, 96).read_bytes()
+    (folder / "bad.png").write_bytes(whole[: len(whole) // 2])
+    (folder / "iphone.heic").write_bytes(b"\0\0\0\x18ftypheic" + bytes(40))
+    (folder / "notes.txt").write_text("no photo")
+    rows = predict(tmp_path / "out", folder, tmp_path / "none.jpg", "--model", runs["area"])
+    errors = {Path(str(row["photo"])).name: row["error"] for row in rows}
+    assert list(errors) == ["bad.png", "good.PNG", "iphone.heic", "none.jpg"] and errors["good.PNG"] is None
+    assert "cannot be decoded" in str(errors["bad.png"]) and "HEIC" in str(errors["iphone.heic"])
+    assert "leaves measured: 1, photos refused: 0, skipped: 3" in capsys.readouterr().out
+
+
+def test_overlays_of_one_name_do_not_replace_each_other(runs: dict[str, Path], tmp_path: Path) -> None:
+    photos = [
+        save(tmp_path / folder / name, 96, 96) for folder, name in [("1", "leaf.png"), ("2", "Leaf.png")]
+    ]
+    photos.append(save(tmp_path / "1" / "leaf.bmp", 96, 96))
+    predict(tmp_path / "out", *photos, "--model", runs["area"])
+    assert len({path.name.lower() for path in (tmp_path / "out").glob("*.overlay.png")}) == 3
+
+
+def test_overlays_are_no_photos_of_the_next_run(runs: dict[str, Path], tmp_path: Path) -> None:
+    original = save(tmp_path / "leaf.png", 96, 96).read_bytes()
+    for _ in range(2):
+        assert len(predict(tmp_path, tmp_path, "--model", runs["area"])) == 1
+    assert (tmp_path / "leaf.png").read_bytes() == original
+
+
+def test_overlay_shows_the_outline_and_is_of_handy_size(runs: dict[str, Path], tmp_path: Path) -> None:
+    models = ["--model", runs["area"], "--mask-model", runs["mask"]]
+    predict(tmp_path / "out", save(tmp_path / "a.png", 1800, 2400), *models)
+    overlay = np.asarray(Image.open(tmp_path / "out" / "a.overlay.png"))
+    assert overlay.shape[1] == 1600 and 1200 < overlay.shape[0] < 1400
+    columns = np.nonzero((overlay == command.FOUND).all(axis=2).any(axis=0))[0]
+    # A disk of 0.3 of the shorter side about the middle.
+    assert (columns.min(), columns.max()) == pytest.approx((800 - 360, 800 + 360), abs=14)
+
+
+def test_csv_cannot_be_run_by_a_spreadsheet(
+    runs: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name = "=HYPERLINK(1),2.png"
+    save(tmp_path / name, 96, 96)
+    rows = predict(tmp_path / "out", name, "--model", runs["area"])
+    with (tmp_path / "out" / "areas.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert rows[0]["photo"] == name and row["photo"] == f"'{name}"
+    assert float(row["area_cm2"]) == pytest.approx(PERCENT, rel=0.03)
+    assert (tmp_path / "out" / row["overlay"].removeprefix("'")).is_file()
+
+
+def test_odd_names(runs: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["two\nlines.png", "\x1b[31mred.png", "blatt_ä_叶.png", "x" * 250 + ".png"]
+    rows = predict(
+        tmp_path / "out", *[save(tmp_path / name, 96, 96) for name in names], "--model", runs["area"]
+    )
+    assert [row["error"] for row in rows] == [None] * 4
+    printed = capsys.readouterr().out
+    assert "\x1b" not in printed and len(printed.splitlines()) == 5 and "blatt_ä_叶.png" in printed
+
+
+def test_each_leaf_has_its_row(tmp_path: Path) -> None:
+    class Two:
+        def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
+            return Measurement(method="two", leaves=(Leaf(area_cm2=2.0), Leaf(area_cm2=3.0, px_per_mm=4.0)))
+
+    rows = command.predict(Two(), [save(tmp_path / "a.png", 50, 50)], known=NOTHING, out=tmp_path)
+    assert [(row.area_cm2, row.px_per_mm) for row in rows] == [(2.0, None), (3.0, 4.0)]
