@@ -30,11 +30,15 @@ def whole(path: Path | str) -> Iterator[Path]:
 
 
 def require_writable(path: Path | str) -> None:
-    """Raise InputError if `path` cannot be written: asked before the work instead of after it."""
+    """Raise InputError if `path` cannot be written: asked before the work, and leaving no trace."""
     path = Path(path)
     if path.is_dir():
         raise InputError(f"cannot write {path}: it is a folder; name a file in it")
-    _beside(path).unlink()
+    existing = next(folder for folder in path.absolute().parents if folder.exists())
+    try:
+        tempfile.TemporaryFile(dir=existing).close()
+    except OSError as error:
+        raise _unwritable(path, error) from error
 
 
 def _beside(path: Path) -> Path:
@@ -43,9 +47,13 @@ def _beside(path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{path.stem[:40]}-", suffix=path.suffix, dir=path.parent)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; choose a folder you may write to") from error
+        raise _unwritable(path, error) from error
     os.close(handle)
     return Path(name)
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write {path}: {error.strerror}; choose a folder you may write to")
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -64,7 +72,10 @@ def write_csv(path: Path | str, header: Sequence[str], rows: Iterable[Sequence[A
 
     Text that a spreadsheet would run as a formula, as a photo's name may be, gets an apostrophe before it.
     """
-    with whole(path) as temporary, temporary.open("w", encoding="utf-8", errors="replace", newline="") as file:
+    with (
+        whole(path) as temporary,
+        temporary.open("w", encoding="utf-8", errors="replace", newline="") as file,
+    ):
         writer = csv.writer(file)
         writer.writerow(header)
         writer.writerows([_inert(cell) for cell in row] for row in rows)

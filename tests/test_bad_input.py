@@ -31,10 +31,10 @@ def leaf(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Fails:
-    """Run a command that must fail and return its line; the folder must hold the files it held before."""
+    """Run a command that must fail and return its line; the folder must hold what it held before."""
 
     def call(command: ModuleType, *arguments: object) -> str:
-        before = sorted(path for path in tmp_path.rglob("*") if path.is_file())
+        before = sorted(tmp_path.rglob("*"))
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", ["command", *map(str, arguments)])
         with pytest.raises(SystemExit) as stopped:
@@ -43,7 +43,7 @@ def fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         assert stopped.value.code == 2
         assert printed.err.startswith("error: ") and printed.err.count("\n") == 1
         assert printed.out == ""
-        assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == before
+        assert sorted(tmp_path.rglob("*")) == before
         return printed.err
 
     return call

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import tensorflow as tf
 from green import PAPER, disk, photo
 
 from laesi_tf.data.fitting import fit, fit_mask, place
@@ -12,10 +13,13 @@ def test_photo_of_the_inputs_size_is_unchanged() -> None:
     assert np.array_equal(fit(image, (64, 48))[0], image)
 
 
-def test_shrinking_takes_the_mean_of_each_footprint() -> None:
-    image = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
-    means = image.reshape(15, 4, 20, 4, 3).mean(axis=(1, 3))
-    assert np.abs(fit(image, (15, 20))[0] - means).max() <= 1
+@pytest.mark.parametrize("size", [(60, 80), (75, 100), (31, 42), (10, 14)])
+def test_filter_is_the_antialiased_bilinear_one(size: tuple[int, int]) -> None:
+    image = np.random.default_rng(0).integers(0, 256, (*size, 3), np.uint8)
+    small, placement = fit(image, (15, 20))
+    (top, left), (height, width) = placement.offset, placement.extent
+    reference = tf.image.resize(image, (height, width), antialias=True).numpy()
+    assert np.abs(small[top : top + height, left : left + width] - reference).max() <= 1.5
 
 
 @pytest.mark.parametrize("size", [(300, 300), (200, 400), (400, 200), (333, 517), (30, 20)])

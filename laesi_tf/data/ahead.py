@@ -12,7 +12,7 @@ Result = TypeVar("Result")
 
 
 def read_ahead(
-    read: Callable[[Item], Result], items: Iterable[Item], *, depth: int = 3
+    read: Callable[[Item], Result], items: Iterable[Item], *, depth: int = 2
 ) -> Iterator[tuple[Item, Result | InputError]]:
     """Yield (item, read(item)) in order, with up to `depth` further items being read in threads.
 

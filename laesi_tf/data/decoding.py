@@ -48,14 +48,14 @@ warnings.filterwarnings("ignore", module=r"PIL\..*")
 
 
 def decode(path: Path | str) -> np.ndarray:
-    """Return the photo at `path` as uint8 [H, W, 3] RGB, upright, at full resolution.
+    """Return the photo at `path` as uint8 [H, W, 3] RGB, upright, at full resolution, not writable.
 
     Transparency is laid over white: what is transparent was cut away by someone, the paper is white, and the
     colour stored under a transparent pixel means nothing. Deeper pixels are scaled to 8 bits, not clipped.
     Raises InputError.
     """
     with _picture(path) as picture:
-        return np.array(_flat(_eight_bit(_upright(picture)), "white").convert("RGB"))
+        return np.asarray(_as(_flat(_eight_bit(_upright(picture)), "white"), "RGB"))
 
 
 def decode_mask(path: Path | str) -> np.ndarray:
@@ -66,7 +66,7 @@ def decode_mask(path: Path | str) -> np.ndarray:
     without any leaf.
     """
     with _picture(path) as picture:
-        grey = np.array(_flat(_eight_bit(_upright(picture)), "black").convert("L"))
+        grey = np.asarray(_as(_flat(_eight_bit(_upright(picture)), "black"), "L"))
     if not grey.any():
         raise InputError(f"mask {path} has no leaf in it; paint the leaf white on black")
     return grey > grey.max() / 2
@@ -163,5 +163,10 @@ def _flat(picture: Image.Image, background: str) -> Image.Image:
     """Lay a picture with transparency of any kind (channel, palette entry, key colour) over `background`."""
     if not picture.has_transparency_data:
         return picture
-    layer = picture.convert("RGBA")
+    layer = _as(picture, "RGBA")
     return Image.alpha_composite(Image.new("RGBA", layer.size, background), layer)
+
+
+def _as(picture: Image.Image, mode: str) -> Image.Image:
+    """`picture` in `mode`; Pillow would copy one that is in it already."""
+    return picture if picture.mode == mode else picture.convert(mode)

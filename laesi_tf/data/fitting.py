@@ -6,13 +6,15 @@ reach anywhere. What the photo does not cover is filled with the median colour a
 beyond a straight edge is what the synthesised scenes show where the sheet ends, while a repeated or mirrored
 border would smear or double a leaf that lies near it.
 
-Shrinking takes the mean over each new pixel's footprint, as the scenes do with detail finer than a pixel.
+Shrinking averages with a triangle of two new pixels' width, the antialiased bilinear filter for which the
+scenes attenuate their ruling, so that lines finer than a pixel fade in photos as they do in training.
 """
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from PIL import Image
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +65,8 @@ def fit_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def _resize(image: np.ndarray, extent: tuple[int, int]) -> np.ndarray:
-    shrinking = extent[0] < image.shape[0] or extent[1] < image.shape[1]
-    filter_ = cv2.INTER_AREA if shrinking else cv2.INTER_LINEAR
-    return cv2.resize(image, extent[::-1], interpolation=filter_)
+    resized = Image.fromarray(image).resize(extent[::-1], Image.Resampling.BILINEAR)
+    return np.array(resized)
 
 
 def _border_colour(image: np.ndarray) -> np.ndarray:
