@@ -1,0 +1,65 @@
+"""The tf.data generator: pictures made on the fly, each a pure function of (seed, index, size, ranges).
+
+The index is the only thing that moves, so the same picture comes out whatever the batch size, the number of
+workers or the order. Training, validation and test read disjoint stretches of the index.
+"""
+
+from pathlib import Path
+from typing import Literal
+
+import tensorflow as tf
+
+from laesi_tf.synthesis import Ranges, load_ranges, synthesise
+
+TRAIN = (0, 2**40)
+VALIDATION = (2**40, 2**41)
+TEST = (2**41, 2**42)
+"""Stretches [start, stop) of the index."""
+
+Task = Literal["area", "mask", "both"]
+
+
+def pictures(
+    *,
+    seed: int,
+    size: tuple[int, int] = (224, 224),
+    ranges: str | Path | Ranges = "rendering_2",
+    start: int = 0,
+    count: int | None = None,
+    passes: int | None = None,
+    textures: tf.Tensor | None = None,
+    parallel: int = tf.data.AUTOTUNE,
+) -> tf.data.Dataset:
+    """Pictures `start`, `start` + 1, ... (`count` of them, or without end), as dicts of unbatched tensors.
+
+    Keys: `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm`, `tilt_deg` float32 [],
+    `to_px` float32 [3, 3], `index` int64 []. `passes` overrides the ranges' lighting passes over one leaf:
+    1 makes every picture a new leaf. `parallel` is how many pictures are in work at once; a picture is one
+    task because it stays in a core's cache, which batches of them do not.
+    """
+    chosen = load_ranges(ranges)
+    if passes is not None:
+        chosen = chosen.with_passes(passes)
+    stop = start + count if count is not None else 2**62
+    indices = tf.data.Dataset.range(start, stop)
+    return indices.map(
+        lambda index: synthesise(seed, size=size, ranges=chosen, index=index, textures=textures),
+        num_parallel_calls=parallel,
+        deterministic=True,
+    )
+
+
+def batches(*, task: Task, batch_size: int, **options) -> tf.data.Dataset:
+    """Batches (image uint8 [B, H, W, 3], target) of `pictures(**options)`, made ahead while a model works.
+
+    The target is `area_cm2` float32 [B] for task "area", the mask uint8 [B, H, W] for "mask", and a dict of
+    both under those names for "both". The last batch of a bounded stream may be smaller.
+    """
+    single = pictures(**options).map(lambda picture: (picture["image"], target(picture, task)))
+    return single.batch(batch_size).prefetch(2)
+
+
+def target(picture: dict[str, tf.Tensor], task: Task) -> tf.Tensor | dict[str, tf.Tensor]:
+    """What a model of `task` is to predict from `picture`."""
+    targets = {"area": picture["area_cm2"], "mask": picture["mask"]}
+    return {"area_cm2": targets["area"], "mask": targets["mask"]} if task == "both" else targets[task]

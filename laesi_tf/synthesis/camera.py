@@ -1,0 +1,195 @@
+"""The camera: where a millimetre of the sheet lands in the picture, and what lens and sensor do to it.
+
+Sheet coordinates are millimetres with the leaf's centre at the origin; pixel coordinates are (x right, y
+down), pixel (i, j) covering [j, j+1] x [i, i+1]. A homography is [3, 3] and maps (X, Y, 1) mm to pixels.
+Images are planar here: [3, H, W] in [0, 1], which on a CPU is several times faster than channels last.
+"""
+
+import math
+from dataclasses import dataclass
+
+import tensorflow as tf
+
+from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.keys import Key, Purpose
+from laesi_tf.synthesis.ranges import Chance, Number
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A phone held over the sheet."""
+
+    fill: Number = (0.34, 0.86)
+    """Longer side of the leaf's bounding box over the picture's side, before the limits of the view."""
+    closest_mm: Number = 70
+    farthest_mm: Number = 230
+    """Limits of the field of view: width of the sheet seen at the leaf."""
+    tilted: Number = Chance(0.6)
+    tilt_deg: Number = (0, 20)
+    tilt_direction: Number = (-math.pi, math.pi)
+    roll: Number = (-math.pi, math.pi)
+    focal: Number = (0.9, 1.6)
+    """Focal length in picture widths."""
+    place_x: Number = (0.0, 1.0)
+    place_y: Number = (0.0, 1.0)
+    """Where the leaf's bounding box lies in the frame: 0 at one border, 1 at the other."""
+    blurred: Number = Chance(0.5)
+    blur_mm: Number = (0.03, 0.25)
+    """Standard deviation of the focus blur, mm on the sheet."""
+    noise: Number = (0.0, 0.035)
+    noise_chroma: Number = (0.0, 0.02)
+    warmth: Number = (-0.2, 0.2)
+    """White balance: gain of red against blue."""
+    green: Number = (-0.06, 0.06)
+    exposure: Number = (0.72, 1.18)
+    contrast: Number = (0.85, 1.2)
+    saturation: Number = (0.75, 1.3)
+    compressed: Number = Chance(0.5)
+    """JPEG halves the resolution of colour."""
+
+
+@dataclass(frozen=True)
+class View:
+    """One camera position. `to_px` maps sheet millimetres to pixels, `px_per_mm` is the scale at the centroid."""
+
+    to_px: tf.Tensor
+    px_per_mm: tf.Tensor
+    fov_mm: tf.Tensor
+
+
+_WIDEST_BLUR_MM = 0.25
+"""Taps of the blur are laid out for this much; a wider one is cut off."""
+MARGIN = 0.02
+"""The leaf keeps this fraction of the picture's side between itself and the frame."""
+
+
+def view(camera: Camera, outline: tf.Tensor, size: tuple[int, int]) -> View:
+    """Point the camera at the leaf `outline` [n, 2] (sheet mm, centred) so that the leaf lies in the frame."""
+    height, width = size
+    extent = tf.reduce_max(outline, axis=0) - tf.reduce_min(outline, axis=0)
+    fov = tf.clip_by_value(tf.reduce_max(extent) / camera.fill, camera.closest_mm, camera.farthest_mm)
+    tilt = camera.tilt_deg * tf.cast(camera.tilted, tf.float32) * (math.pi / 180)
+    homography = _pinhole(tilt, camera.tilt_direction, camera.roll, camera.focal * fov, width / fov)
+    box = project(homography, outline)
+    corner, box_size = tf.reduce_min(box, axis=0), tf.reduce_max(box, axis=0) - tf.reduce_min(box, axis=0)
+    frame = tf.constant([width, height], tf.float32)
+    room = frame - 2 * MARGIN * frame
+    zoom = tf.minimum(tf.reduce_min(room / box_size), 1)
+    place = tf.stack([camera.place_x, camera.place_y])
+    shift = MARGIN * frame + place * (room - zoom * box_size) - zoom * corner
+    to_px = tf.linalg.matmul(_crop(zoom, shift), homography)
+    return View(to_px=to_px, px_per_mm=scale_at(to_px, tf.reduce_mean(outline, axis=0)), fov_mm=fov / zoom)
+
+
+def _pinhole(
+    tilt: tf.Tensor, direction: tf.Tensor, roll: tf.Tensor, distance: tf.Tensor, scale: tf.Tensor
+) -> tf.Tensor:
+    """Homography of a pinhole `distance` mm above the origin, tilted about the axis at `direction`."""
+    zero, one = tf.zeros([]), tf.ones([])
+    to_axis, from_axis = _rotation(-direction), _rotation(direction + roll)
+    foreshorten = tf.stack(
+        [tf.stack([one, zero, zero]), tf.stack([zero, tf.cos(tilt), zero]), tf.stack([zero, tf.sin(tilt) / distance, one])]
+    )
+    return tf.linalg.diag(tf.stack([scale, scale, one])) @ from_axis @ foreshorten @ to_axis
+
+
+def _rotation(angle: tf.Tensor) -> tf.Tensor:
+    cosine, sine = tf.cos(angle), tf.sin(angle)
+    zero, one = tf.zeros([]), tf.ones([])
+    return tf.stack([tf.stack([cosine, -sine, zero]), tf.stack([sine, cosine, zero]), tf.stack([zero, zero, one])])
+
+
+def _crop(zoom: tf.Tensor, shift: tf.Tensor) -> tf.Tensor:
+    zero, one = tf.zeros([]), tf.ones([])
+    return tf.stack([tf.stack([zoom, zero, shift[0]]), tf.stack([zero, zoom, shift[1]]), tf.stack([zero, zero, one])])
+
+
+def project(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
+    """Map `points` [..., 2] through `homography` [3, 3]."""
+    flat = tf.reshape(points, [-1, 2])
+    mapped = tf.linalg.matmul(flat, homography[:, :2], transpose_b=True) + homography[:, 2]
+    return tf.reshape(mapped[:, :2] / mapped[:, 2:], points.shape)
+
+
+def scale_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
+    """Pixels per millimetre at `point` [2] mm: root of the homography's Jacobian determinant, |det H| / w^3."""
+    w = tf.reduce_sum(homography[2, :2] * point) + homography[2, 2]
+    return tf.sqrt(tf.abs(tf.linalg.det(homography)) / tf.abs(w) ** 3)
+
+
+def sheet_coordinates(to_px: tf.Tensor, size: tuple[int, int]) -> tuple[tf.Tensor, tf.Tensor]:
+    """Sheet position X, Y [H, W] in mm under each pixel's centre."""
+    # The adjugate: a homography's inverse up to a factor, which the division removes.
+    columns = tf.linalg.cross(tf.gather(to_px, [1, 2, 0]), tf.gather(to_px, [2, 0, 1]))
+    across, down, constant = tf.unstack(columns[:, :, None, None])
+    u = (tf.range(size[1], dtype=tf.float32) + 0.5)[None, None, :]
+    v = (tf.range(size[0], dtype=tf.float32) + 0.5)[None, :, None]
+    x, y, w = tf.unstack(across * u + (down * v + constant))
+    reciprocal = 1 / w
+    return x * reciprocal, y * reciprocal
+
+
+def blur(image: tf.Tensor, sigma: tf.Tensor, *, reach: int) -> tf.Tensor:
+    """Gaussian blur of [..., H, W] by `sigma` pixels, with 2 * `reach` + 1 taps on each axis."""
+    taps = tf.exp(-0.5 * (tf.range(reach + 1, dtype=tf.float32) / tf.maximum(sigma, 1e-3)) ** 2)
+    taps = tf.unstack(taps / (2 * tf.reduce_sum(taps) - 1))
+    return _convolve(_convolve(image, taps, axis=-1), taps, axis=-2)
+
+
+def _convolve(image: tf.Tensor, taps: list[tf.Tensor], axis: int) -> tf.Tensor:
+    reach = len(taps) - 1
+    length = image.shape[axis]
+    first, last = (tf.repeat(tf.gather(image, [end], axis=axis), reach, axis=axis) for end in (0, length - 1))
+    # Repeating the border by hand: tf.pad's mirror modes cost more than the convolution.
+    padded = tf.concat([first, image, last], axis=axis)
+
+    def shifted(offset: int) -> tf.Tensor:
+        window = [slice(None)] * image.shape.rank
+        window[axis] = slice(reach + offset, reach + offset + length)
+        return padded[tuple(window)]
+
+    result = shifted(0) * taps[0]
+    for offset in range(1, reach + 1):
+        result += (shifted(offset) + shifted(-offset)) * taps[offset]
+    return result
+
+
+def focus(image: tf.Tensor, camera: Camera, px_per_mm: tf.Tensor) -> tf.Tensor:
+    """Focus blur of [3, H, W] where the scene has it."""
+    reach = math.ceil(1.25 * _WIDEST_BLUR_MM * max(image.shape[1:]) / 70)
+    return tf.cond(camera.blurred, lambda: blur(image, camera.blur_mm * px_per_mm, reach=reach), lambda: image)
+
+
+def chroma_softness(image: tf.Tensor, camera: Camera) -> tf.Tensor:
+    """JPEG-like softness of [3, H, W]: colour at half resolution, luma untouched (4:2:0 subsampling)."""
+
+    def soften() -> tf.Tensor:
+        luma = _luma(image)
+        chroma = image - luma
+        coarse = tf.nn.avg_pool2d(chroma[..., None], 2, 2, "SAME")
+        size = image.shape[1:]
+        return luma + tf.image.resize(coarse, size)[..., 0]
+
+    return tf.cond(camera.compressed, soften, lambda: image)
+
+
+def develop(image: tf.Tensor, camera: Camera) -> tf.Tensor:
+    """White balance, exposure, contrast and saturation of [3, H, W]: one affine map of colour."""
+    gains = camera.exposure * tf.stack([1 + camera.warmth / 2, 1 + camera.green, 1 - camera.warmth / 2])
+    luma = tf.constant([[0.299, 0.587, 0.114]])
+    mix = camera.saturation * tf.eye(3) + (1 - camera.saturation) * tf.repeat(luma, 3, axis=0)
+    matrix = camera.contrast * mix * gains[None, :]
+    flat = tf.reshape(image, [3, -1])
+    return tf.reshape(matrix @ flat, image.shape) + 0.5 * (1 - camera.contrast)
+
+
+def sensor_noise(image: tf.Tensor, camera: Camera, key: Key) -> tf.Tensor:
+    """Luma and chroma noise of [3, H, W], stronger in the shadows as a tone curve makes it."""
+    offsets = key.uniform([4, 2], Purpose.SENSOR)
+    grains = noise.grain(offsets, (image.shape[1], image.shape[2]))
+    amplitude = 1.25 - 0.6 * image[1:2]
+    return image + amplitude * (camera.noise * grains[:1] + camera.noise_chroma * grains[1:])
+
+
+def _luma(image: tf.Tensor) -> tf.Tensor:
+    return 0.299 * image[:1] + 0.587 * image[1:2] + 0.114 * image[2:]

@@ -1,0 +1,49 @@
+"""Keys of the counter-based generator: (seed, index, purpose) names one stream of random numbers."""
+
+import enum
+
+import tensorflow as tf
+
+
+class Purpose(enum.IntEnum):
+    """What a stream is drawn for; the numbers are part of every picture, so they are never reused."""
+
+    SCENE = 0
+    LIGHT = 1
+    OUTLINE = 2
+    BITES = 3
+    HOLES = 4
+    VEINS = 5
+    PAPER = 6
+    PAPER_VORONOI = 7
+    SURFACE = 8
+    SURFACE_VORONOI = 9
+    SPOTS = 10
+    PROPS = 11
+    HANDWRITING = 12
+    ILLUMINATION = 13
+    DESK = 14
+    SENSOR = 15
+    TEXTURE = 16
+
+
+class Key:
+    """The picture (seed, index): hands out independent streams by purpose.
+
+    Philox is a bijection of (key, counter), so neighbouring keys are as independent as any other pair.
+    """
+
+    def __init__(self, seed: tf.Tensor | int, index: tf.Tensor | int) -> None:
+        self.seed = tf.cast(seed, tf.int64)
+        self.index = tf.cast(index, tf.int64)
+
+    def _state(self, purpose: Purpose) -> tf.Tensor:
+        return tf.stack([self.seed * len(Purpose) + int(purpose), self.index])
+
+    def uniform(self, shape: list[int], purpose: Purpose) -> tf.Tensor:
+        """Uniform [0, 1) float32 numbers of `shape`."""
+        return tf.random.stateless_uniform(shape, self._state(purpose), alg="philox")
+
+    def normal(self, shape: list[int], purpose: Purpose) -> tf.Tensor:
+        """Standard normal float32 numbers of `shape`."""
+        return tf.random.stateless_normal(shape, self._state(purpose), alg="philox")

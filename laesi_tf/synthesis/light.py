@@ -1,0 +1,130 @@
+"""Light: the leaf's shadow S(s, p, sz), uneven illumination, and a glass pane (paper, "Rendering").
+
+Shadows and illumination are smooth, so they are made on a lattice a fraction of the picture's size and
+interpolated. The numbers of this room are drawn once per lighting pass: the passes over one leaf differ in
+nothing else.
+"""
+
+import math
+from dataclasses import dataclass
+
+import tensorflow as tf
+
+from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.keys import Key, Purpose
+from laesi_tf.synthesis.ranges import Chance, Number
+
+
+@dataclass(frozen=True)
+class Light:
+    """One lighting of the scene."""
+
+    strength: Number = (0.08, 0.6)
+    """s: how much of the light the leaf's shadow takes."""
+    direction: Number = (-math.pi, math.pi)
+    offset_mm: Number = (0.0, 3.5)
+    """p: the shadow's displacement, in polar form with `direction`."""
+    softness_mm: Number = (0.35, 3.5)
+    """sz: standard deviation of the shadow's edge."""
+    slope: Number = (0.0, 0.4)
+    """Fall-off of the light across the picture."""
+    vignette: Number = (0.0, 0.35)
+    unevenness: Number = (0.0, 0.1)
+    cast: Number = Chance(0.35)
+    """Something outside the frame (a hand, the phone) shades part of the picture."""
+    cast_strength: Number = (0.1, 0.55)
+    cast_softness: Number = (0.01, 0.12)
+    cast_offset: Number = (-0.45, 0.45)
+    cast_angle: Number = (-math.pi, math.pi)
+    relief: Number = (0.1, 0.9)
+    """Strength of the shading by the leaf's normals."""
+    gloss: Number = (0.0, 0.35)
+    glass: Number = Chance(0.16)
+    glass_strength: Number = (0.05, 0.4)
+    glass_angle: Number = (-math.pi, math.pi)
+    glass_offset: Number = (-0.4, 0.4)
+    glass_width: Number = (0.06, 0.35)
+    glass_veil: Number = (0.0, 0.1)
+
+
+LATTICE = 28
+
+
+def direction(light: Light) -> tf.Tensor:
+    """Unit vector [2] along which the light travels over the picture."""
+    return tf.stack([tf.cos(light.direction), tf.sin(light.direction)])
+
+
+def shadow(coverage: tf.Tensor, light: Light, size: tuple[int, int], px_per_mm: tf.Tensor) -> tf.Tensor:
+    """Light that is left, [H, W] in [0, 1], beside a caster with coarse `coverage` [h, w] (shadow mapping).
+
+    The caster is shifted by p and blurred by sz while it is interpolated to the picture's size.
+    """
+    shift = light.offset_mm * px_per_mm * direction(light)
+    spread = light.softness_mm * px_per_mm
+    down = _smear(size[0], coverage.shape[0], shift[1], spread)
+    across = _smear(size[1], coverage.shape[1], shift[0], spread)
+    return 1 - light.strength * tf.minimum(down @ coverage @ tf.transpose(across), 1)
+
+
+def soften(coverage: tf.Tensor, size: tuple[int, int], spread_px: tf.Tensor) -> tf.Tensor:
+    """Interpolate coarse `coverage` [h, w] to [H, W] with a Gaussian of `spread_px`."""
+    zero = tf.zeros([])
+    down = _smear(size[0], coverage.shape[0], zero, spread_px)
+    across = _smear(size[1], coverage.shape[1], zero, spread_px)
+    return down @ coverage @ tf.transpose(across)
+
+
+def _smear(length: int, nodes: int, shift: tf.Tensor, spread_px: tf.Tensor) -> tf.Tensor:
+    """Gaussian interpolation weights [length, nodes]; the sum of a row is one well inside the picture."""
+    pitch = length / nodes
+    pixels = tf.range(length, dtype=tf.float32) + 0.5 - shift
+    centres = (tf.range(nodes, dtype=tf.float32) + 0.5) * pitch
+    spread = tf.maximum(spread_px, 0.6 * pitch)
+    distance = (pixels[:, None] - centres[None, :]) / spread
+    return tf.exp(-0.5 * distance * distance) * (pitch / (spread * math.sqrt(2 * math.pi)))
+
+
+def illumination(light: Light, key: Key, size: tuple[int, int]) -> tf.Tensor:
+    """Relative illumination [H, W]: fall-off, vignetting, unevenness and cast shadows."""
+    x, y = _frame(LATTICE)
+    along = direction(light)
+    field = 1 + light.slope * (x * along[0] + y * along[1]) - light.vignette * (x * x + y * y)
+    random = key.uniform([8, 8], Purpose.ILLUMINATION)
+    field *= 1 + light.unevenness * noise.simple(random, (LATTICE, LATTICE))
+    distance = x * tf.cos(light.cast_angle) + y * tf.sin(light.cast_angle) - light.cast_offset
+    strength = light.cast_strength * tf.cast(light.cast, tf.float32)
+    field *= 1 - strength * tf.sigmoid(distance / light.cast_softness)
+    return noise.upsample(field, size)
+
+
+def relief(colour: tf.Tensor, slopes: tuple[tf.Tensor, tf.Tensor], light: Light) -> tf.Tensor:
+    """Shade [3, H, W] by its surface's `slopes`: Lambert's law to first order, and a highlight."""
+    along = direction(light)
+    facing = -(slopes[0] * along[0] + slopes[1] * along[1])
+    lit = tf.clip_by_value(1 + light.relief * facing, 0.3, 1.8)
+    highlight = tf.clip_by_value(facing - 0.05, 0, 0.8)
+    return colour * lit + light.gloss * highlight * highlight
+
+
+def glass(image: tf.Tensor, light: Light) -> tf.Tensor:
+    """A pane over [3, H, W]: a veil that lifts the shadows and the soft-edged reflection of a window."""
+
+    def reflect() -> tf.Tensor:
+        x, y = _frame(2 * LATTICE)
+        cosine, sine = tf.cos(light.glass_angle), tf.sin(light.glass_angle)
+        across = x * cosine + y * sine - light.glass_offset
+        along = y * cosine - x * sine
+        pane = tf.sigmoid((light.glass_width - tf.abs(across)) / 0.02)
+        bars = tf.sigmoid((tf.abs(tf.abs(along) - 0.2) - 0.02) / 0.01) * tf.sigmoid((0.42 - tf.abs(along)) / 0.03)
+        reflection = noise.upsample(pane * bars, (image.shape[1], image.shape[2]))
+        strength = light.glass_veil + light.glass_strength * reflection
+        return image + strength * (0.97 - image)
+
+    return tf.cond(light.glass, reflect, lambda: image)
+
+
+def _frame(nodes: int) -> tuple[tf.Tensor, tf.Tensor]:
+    """Coordinates x [1, n] and y [n, 1] over the longer side of the picture, from -0.5 to 0.5."""
+    line = tf.linspace(-0.5, 0.5, nodes)
+    return line[None, :], line[:, None]

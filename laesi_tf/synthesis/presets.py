@@ -1,0 +1,137 @@
+"""Named ranges and the TOML files in which users edit them.
+
+A file names the preset it starts from and what it changes; everything else stays as it was:
+
+    base = "rendering_2"
+    lighting_passes = 1
+    without = ["glass"]
+
+    [paper]
+    hue = [0.0, 0.1]            # uniform between the two
+    tinted = {chance = 0.5}     # true half of the time
+
+    [leaf.oak]
+    weight = 0.6                # relative frequency of this kind of leaf
+    length_mm = [60, 120]
+"""
+
+import dataclasses
+import difflib
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from laesi_tf.errors import InputError
+from laesi_tf.synthesis.paper import Paper
+from laesi_tf.synthesis.ranges import Chance, numbers
+from laesi_tf.synthesis.scene import COMPONENTS, Ranges
+
+RENDERING_2 = Ranges()
+RENDERING_1 = Ranges(
+    paper=Paper(
+        gradient_weight=(0.0, 0.2),
+        voronoi_weight=(0.0, 0.16),
+        simple_weight=(0.0, 0.16),
+        print_wear=(0.0, 0.95),
+        creased=Chance(0.4),
+        crease_depth=(0.05, 0.3),
+    )
+)
+PRESETS: dict[str, Ranges] = {"rendering_1": RENDERING_1, "rendering_2": RENDERING_2}
+"""The paper's two: "Rendering 2" narrows the noise of the paper model, nothing else (section 4.3)."""
+
+_ROOMS = ("paper", "surface", "light", "props", "camera", "desk")
+
+
+def load_ranges(source: str | Path | Ranges) -> Ranges:
+    """Ranges by preset name or from a TOML file; Ranges pass through. Raises InputError, naming the key."""
+    if isinstance(source, Ranges):
+        return source
+    if str(source) in PRESETS:
+        return PRESETS[str(source)]
+    path = Path(source)
+    if path.suffix != ".toml":
+        raise InputError(f"unknown ranges {str(source)!r}; use {' or '.join(PRESETS)}, or a .toml file")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"cannot read ranges from {path}: {error}; see --help of laesi_tf.preview") from error
+    return _merge(table, path)
+
+
+def _merge(table: dict[str, Any], path: Path) -> Ranges:
+    base = table.pop("base", "rendering_2")
+    if base not in PRESETS:
+        raise InputError(f"{path}: base = {base!r} is unknown; use {' or '.join(PRESETS)}")
+    start = PRESETS[base]
+    changes: dict[str, Any] = {}
+    for key, value in table.items():
+        _known(key, (*_ROOMS, "leaf", "lighting_passes", "without"), f"{path}:")
+        if key == "leaf":
+            changes[key] = _kinds(start.leaf, _table(value, f"{path}: [leaf]"), path)
+        elif key in _ROOMS:
+            changes[key] = _room(getattr(start, key), _table(value, f"{path}: [{key}]"), f"{path}: [{key}]")
+        else:
+            changes[key] = _setting(key, value, path)
+    return dataclasses.replace(start, **changes)
+
+
+def _setting(key: str, value: Any, path: Path) -> Any:
+    if key == "lighting_passes":
+        if not isinstance(value, int) or value < 1:
+            raise InputError(f"{path}: lighting_passes = {value!r} must be a whole number from 1 up")
+        return value
+    for name in value:
+        _known(name, COMPONENTS, f"{path}: without:")
+    return frozenset(value)
+
+
+def _kinds(start: Mapping[str, Any], table: dict[str, Any], path: Path) -> dict[str, Any]:
+    kinds = dict(start)
+    for name, changes in table.items():
+        _known(name, tuple(kinds), f"{path}: [leaf]")
+        weight, kind = kinds[name]
+        changes = dict(_table(changes, f"{path}: [leaf.{name}]"))
+        weight = changes.pop("weight", weight)
+        if not isinstance(weight, int | float) or weight < 0:
+            raise InputError(f"{path}: [leaf.{name}] weight = {weight!r} must be a number from 0 up")
+        kinds[name] = (float(weight), _room(kind, changes, f"{path}: [leaf.{name}]"))
+    if not sum(weight for weight, _ in kinds.values()):
+        raise InputError(f"{path}: [leaf] every weight is 0; give at least one kind of leaf a weight")
+    return {name: kind for name, kind in kinds.items() if kind[0] > 0}
+
+
+def _room(start: Any, table: dict[str, Any], where: str) -> Any:
+    known = numbers(start)
+    changes = {}
+    for key, value in table.items():
+        _known(key, tuple(known), where)
+        changes[key] = _range(value, known[key], f"{where} {key}")
+    return dataclasses.replace(start, **changes)
+
+
+def _range(value: Any, start: Any, where: str) -> Any:
+    """Read one range; a Chance stays a Chance and a length a length."""
+    if isinstance(start, Chance):
+        chance = value.get("chance") if isinstance(value, dict) else None
+        if not isinstance(chance, int | float) or not 0 <= chance <= 1:
+            raise InputError(f"{where} = {value!r} must be {{chance = p}} with p from 0 to 1")
+        return Chance(float(chance))
+    pair = value if isinstance(value, list) else [value, value]
+    if len(pair) != 2 or not all(isinstance(item, int | float) for item in pair) or pair[0] > pair[1]:
+        raise InputError(f"{where} = {value!r} must be a number or [low, high]")
+    return float(pair[0]), float(pair[1])
+
+
+def _table(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where} must be a table of ranges, not {value!r}")
+    return value
+
+
+def _known(key: str, known: tuple[str, ...], where: str) -> None:
+    if key not in known:
+        near = difflib.get_close_matches(key, known, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+        raise InputError(f"{where} unknown key {key!r}; {hint}")

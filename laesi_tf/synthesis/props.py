@@ -1,0 +1,191 @@
+"""Things that lie beside the leaf: paper fragments, label cards, pens, coins, handwriting (paper, "Scene Composition").
+
+Each is a unit shape moved by T_xy R_theta S_xy, in sheet millimetres. A prop's place is found along a
+direction from the leaf: the leaf's support in that direction plus the prop's own, plus a gap, so the straight
+line between them proves that it never covers the leaf. A prop that a scene lacks costs nothing.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.synthesis import camera, paper, raster, veins
+from laesi_tf.synthesis.keys import Key, Purpose
+from laesi_tf.synthesis.ranges import Chance, Number
+
+WRITING_POINTS = 48
+
+
+@dataclass(frozen=True)
+class Props:
+    """What lies in a scene; sizes in mm, directions and turns in radians, colours in HSV."""
+
+    fragment: Number = Chance(0.16)
+    fragment_mm: Number = (8, 40)
+    fragment_aspect: Number = (0.4, 1.0)
+    label: Number = Chance(0.2)
+    label_mm: Number = (14, 45)
+    label_aspect: Number = (0.3, 0.7)
+    pen: Number = Chance(0.1)
+    pen_mm: Number = (70, 150)
+    pen_thickness_mm: Number = (6, 12)
+    coin: Number = Chance(0.1)
+    coin_mm: Number = (8, 13)
+    handwriting: Number = Chance(0.25)
+    handwriting_mm: Number = (8, 34)
+    handwriting_height: Number = (0.12, 0.4)
+    direction: Number = (-math.pi, math.pi)
+    gap_mm: Number = (2, 30)
+    turn: Number = (-math.pi, math.pi)
+    hue: Number = (0.0, 1.0)
+    saturation: Number = (0.0, 0.9)
+    ink_value: Number = (0.05, 0.4)
+    stroke_mm: Number = (0.3, 0.9)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Where props are placed: the leaf's outline [n, 2] (sheet mm), the view and the picture's size."""
+
+    leaf: tf.Tensor
+    view: camera.View
+    size: tuple[int, int]
+
+
+def place(shape: tf.Tensor, stage: Stage, direction: tf.Tensor, turn: tf.Tensor, gap_mm: tf.Tensor) -> tf.Tensor:
+    """Turn `shape` [n, 2] (mm, centred) and push it off the leaf along `direction`: sheet mm [n, 2]."""
+    cosine, sine = tf.cos(turn), tf.sin(turn)
+    turned = shape @ tf.stack([tf.stack([cosine, sine]), tf.stack([-sine, cosine])])
+    away = tf.stack([tf.cos(direction), tf.sin(direction)])
+    support = tf.reduce_max(tf.linalg.matvec(stage.leaf, away))
+    own = -tf.reduce_min(tf.linalg.matvec(turned, away))
+    return turned + away * (support + own + gap_mm)
+
+
+def _cover(points: tf.Tensor, stage: Stage, perimeter_mm: float) -> tf.Tensor:
+    """Coverage [1, H, W] of the closed polygon `points` [n, 2] in sheet mm, at most `perimeter_mm` around."""
+    count = math.ceil(perimeter_mm * max(stage.size) / 70)
+    fine = raster.resample(camera.project(stage.view.to_px, points), count)
+    return raster.shape(fine, stage.size)[None]
+
+
+def _paste(image: tf.Tensor, cover: tf.Tensor, colour: tf.Tensor) -> tf.Tensor:
+    return image + cover * (colour - image)
+
+
+def _lie(image: tf.Tensor, points: tf.Tensor, stage: Stage, colour: tf.Tensor, perimeter_mm: float) -> tf.Tensor:
+    """Paste a flat object over [3, H, W] with the narrow shadow of its edge."""
+    shade = _cover(points + 0.5, stage, perimeter_mm)
+    return _paste(image * (1 - 0.25 * shade), _cover(points, stage, perimeter_mm), colour)
+
+
+def fragment(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
+    """A torn scrap of paper over [3, H, W]."""
+    angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    reach = 1 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle)))
+    square = tf.constant(np.stack([np.cos(angle), np.sin(angle)], -1) * reach[:, None], tf.float32)
+    ragged = square * (0.85 + 0.15 * random[:16, None])
+    scale = props.fragment_mm / 2 * tf.stack([1.0, props.fragment_aspect])
+    points = place(ragged * scale, stage, props.direction, props.turn, props.gap_mm)
+    colour = paper.tint(props.hue, props.saturation * 0.15)[:, None, None] * (0.8 + 0.18 * random[20])
+    return _lie(image, points, stage, colour, 180)
+
+
+def label(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
+    """A label card with two lines of writing over [3, H, W]."""
+    half = props.label_mm / 2 * tf.stack([1.0, props.label_aspect])
+    lines = [
+        scribble(random[32 * i : 32 * i + 32], props.label_mm * 0.7, props.label_mm * props.label_aspect * 0.14, props)
+        + tf.stack([0.0, (0.4 * i - 0.2) * props.label_mm * props.label_aspect])
+        for i in range(2)
+    ]
+    shapes = tf.concat([_box() * half, *lines], axis=0)
+    direction = props.direction + 2.0
+    points = place(shapes, stage, direction, tf.round(props.turn * 2 / math.pi) * (math.pi / 2) + 0.1 * random[70], props.gap_mm)
+    colour = paper.tint(props.hue, props.saturation * 0.1)[:, None, None] * 0.95
+    image = _lie(image, points[:4], stage, colour, 170)
+    first, second = tf.split(points[4:], 2)
+    cover = _cover(first, stage, 260) + _cover(second, stage, 260)
+    return _paste(image, cover, _ink(props))
+
+
+def handwriting(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
+    """A word written on the sheet itself, over [3, H, W]."""
+    word = scribble(random[:32], props.handwriting_mm, props.handwriting_mm * props.handwriting_height / 2, props)
+    points = place(word, stage, props.direction + 4.0, props.turn * 0.15, props.gap_mm)
+    return _paste(image, 0.85 * _cover(points, stage, 320), _ink(props))
+
+
+def pen(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
+    """A pen over [3, H, W]: a tapered rod, bright along its back."""
+    profile = tf.constant([[-1, -1], [0.75, -1], [0.97, -0.25], [1, 0], [0.97, 0.25], [0.75, 1], [-1, 1]], tf.float32)
+    scale = tf.stack([props.pen_mm, props.pen_thickness_mm]) / 2
+    points = place(profile * scale, stage, props.direction + 1.0, props.turn, props.gap_mm)
+    back = place(profile * scale * [0.94, 0.22], stage, props.direction + 1.0, props.turn, props.gap_mm)
+    back += (points[0] + points[6]) / 2 - (back[0] + back[6]) / 2
+    colour = paper.tint(props.hue, props.saturation)[:, None, None] * (0.1 + 0.7 * random[0])
+    image = _lie(image, points, stage, colour, 340)
+    return _paste(image, 0.35 * _cover(back, stage, 340), tf.ones([3, 1, 1]))
+
+
+def coin(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
+    """A coin-like disk over [3, H, W], with a raised rim."""
+    angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    circle = tf.constant(np.stack([np.cos(angle), np.sin(angle)], -1), tf.float32) * props.coin_mm
+    points = place(circle, stage, props.direction + 3.0, props.turn, props.gap_mm)
+    centre = tf.reduce_mean(points, axis=0)
+    metal = tf.stack([0.62 + 0.2 * random[0], 0.6 + 0.15 * random[0], 0.55 - 0.15 * random[1]])[:, None, None]
+    image = _lie(image, points, stage, metal, 90)
+    return _paste(image, 0.3 * _cover(centre + (points - centre) * 0.85, stage, 90), metal * 0.6)
+
+
+def scribble(random: tf.Tensor, length_mm: tf.Tensor, height_mm: tf.Tensor, props: Props) -> tf.Tensor:
+    """A handwritten word as one ribbon [2 * WRITING_POINTS, 2] mm, centred: looping strokes of random height."""
+    t = tf.constant(np.linspace(0, 1, WRITING_POINTS), tf.float32)
+    letters = 8
+    knots = tf.constant(_hat(WRITING_POINTS, letters + 1))
+    loops = 2 * math.pi * letters * t
+    tall = tf.linalg.matvec(knots, random[: letters + 1])
+    lean = tf.linalg.matvec(knots, random[letters + 1 : 2 * letters + 2])
+    x = (t - 0.5) * length_mm + height_mm * 0.7 * lean * tf.cos(loops)
+    y = height_mm * (0.35 + tall) * tf.sin(loops)
+    return veins.ribbons(tf.stack([x, y], -1), tf.fill([WRITING_POINTS], props.stroke_mm))
+
+
+def _ink(props: Props) -> tf.Tensor:
+    return paper.tint(props.hue * 0.3 + 0.5, props.saturation)[:, None, None] * props.ink_value
+
+
+def _box() -> tf.Tensor:
+    return tf.constant([[-1, -1], [1, -1], [1, 1], [-1, 1]], tf.float32)
+
+
+def _hat(points: int, knots: int) -> np.ndarray:
+    position = np.linspace(0, knots - 1, points)[:, None]
+    return np.maximum(1 - np.abs(position - np.arange(knots)), 0).astype(np.float32)
+
+
+PROPS: dict[str, Callable[[tf.Tensor, Props, Stage, tf.Tensor], tf.Tensor]] = {
+    "handwriting": handwriting,
+    "fragment": fragment,
+    "label": label,
+    "coin": coin,
+    "pen": pen,
+}
+"""From flat to high, the order in which they are laid down; each is present by the number of its name."""
+
+
+def scatter(image: tf.Tensor, props: Props, stage: Stage, key: Key, names: list[str]) -> tf.Tensor:
+    """Lay the props in `names` that the scene has onto [3, H, W]."""
+    random = key.uniform([len(PROPS), 80], Purpose.PROPS)
+    for row, (name, lay) in enumerate(PROPS.items()):
+        if name in names:
+            image = tf.cond(
+                getattr(props, name),
+                lambda image=image, lay=lay, row=row: lay(image, props, stage, random[row]),
+                lambda image=image: image,
+            )
+    return image

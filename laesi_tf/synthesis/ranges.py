@@ -1,0 +1,62 @@
+"""Numbers and the ranges they are drawn from: one tree of dataclasses read in two ways.
+
+Each room of the scene (paper, leaf, light, ...) declares its numbers once, as a frozen dataclass whose
+defaults are the ranges of preset `rendering_2`. Drawing from such a tree gives the same tree with a scalar
+tensor in place of each range. A range is one of
+
+- `(low, high)`: uniform between the two;
+- `Chance(p)`: True with probability p;
+- a plain number: always that number.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+import tensorflow as tf
+
+# A range in Ranges, a scalar tensor in a Scene: no static type says both.
+Number = Any
+Room = TypeVar("Room")
+
+
+class Chance(NamedTuple):
+    """True with probability `p`."""
+
+    p: float
+
+
+def numbers(room: Any) -> dict[str, Any]:
+    """The fields of `room` as a dict, in order of declaration."""
+    return {field.name: getattr(room, field.name) for field in dataclasses.fields(room)}
+
+
+def count(room: Any) -> int:
+    """How many uniform numbers `draw` and `draw_one_of` take for `room`."""
+    return len(dataclasses.fields(room))
+
+
+def draw(room: Room, uniform: tf.Tensor) -> Room:
+    """Draw each number of `room` from its range with `uniform` [count(room)] in [0, 1)."""
+    return draw_one_of([room], tf.constant(0), uniform)
+
+
+def draw_one_of(rooms: list[Room], which: tf.Tensor, uniform: tf.Tensor) -> Room:
+    """Draw the numbers of `rooms[which]`: float32 scalars, or bool scalars where the range is a Chance."""
+    bounds = np.array([[_bounds(value) for value in numbers(room).values()] for room in rooms], np.float32)
+    low, high = tf.unstack(tf.gather(tf.constant(bounds), which), axis=-1)
+    values = tf.unstack(low + uniform * (high - low))
+    drawn = {
+        name: value > 0 if isinstance(spec, Chance) else value
+        for (name, spec), value in zip(numbers(rooms[0]).items(), values, strict=True)
+    }
+    return dataclasses.replace(rooms[0], **drawn)  # type: ignore[type-var]
+
+
+def _bounds(spec: Any) -> tuple[float, float]:
+    """(low, high) of a range; a Chance p becomes the interval that is above zero with probability p."""
+    if isinstance(spec, Chance):
+        return spec.p - 1, spec.p
+    if isinstance(spec, tuple):
+        return spec
+    return spec, spec

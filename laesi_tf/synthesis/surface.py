@@ -1,0 +1,148 @@
+"""The leaf's surface: colours C1 and C2 blended by gradient noise, veins, relief, spots (paper, section 3.2).
+
+Fields are [H, W] and images [3, H, W], in picture coordinates; lengths come in millimetres and are turned to
+pixels by the view's scale.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.keys import Key, Purpose
+from laesi_tf.synthesis.ranges import Chance, Number
+
+PALETTE = np.array(
+    [
+        [0.10, 0.20, 0.10],
+        [0.16, 0.30, 0.12],
+        [0.25, 0.40, 0.15],
+        [0.36, 0.48, 0.22],
+        [0.45, 0.52, 0.18],
+        [0.62, 0.58, 0.20],
+        [0.66, 0.47, 0.16],
+        [0.52, 0.32, 0.13],
+        [0.36, 0.22, 0.12],
+        [0.24, 0.12, 0.10],
+    ],
+    np.float32,
+)
+"""Fresh green to autumn brown, sRGB."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What one leaf's surface looks like. `season` runs along PALETTE: 0 dark green, 0.5 yellow, 1 dark brown."""
+
+    season: Number = (-0.55, 0.95)
+    """Below zero counts as its distance from zero, so that two thirds of the leaves are green."""
+    season_spread: Number = (0.02, 0.22)
+    """Distance between C1 and C2 along the palette."""
+    hue_red: Number = (-0.04, 0.04)
+    hue_green: Number = (-0.05, 0.05)
+    hue_blue: Number = (-0.04, 0.08)
+    brightness: Number = (0.65, 1.35)
+    blend_cells: Number = (4, 14)
+    blend_sharpness: Number = (0.6, 3.0)
+    vein_width_mm: Number = (0.7, 2.2)
+    vein_contrast: Number = (-0.25, 0.5)
+    """Above zero veins are lighter than the blade, below darker."""
+    vein_jitter: Number = (0.01, 0.06)
+    quilting: Number = (0.0, 1.0)
+    """How far the blade bulges between its veins."""
+    undulation: Number = (0.0, 1.0)
+    undulation_cells: Number = (3, 8)
+    mottle: Number = (0.0, 0.16)
+    mottle_cells: Number = (24, 60)
+    margin_browning: Number = (0.0, 0.5)
+    spotted: Number = Chance(0.35)
+    spot_cells: Number = (12, 60)
+    spot_threshold: Number = (0.45, 0.85)
+    spot_season: Number = (0.55, 1.0)
+    texture_share: Number = (0.4, 1.0)
+    """Share of a photographed texture in C1, where the user names a folder of them."""
+
+
+_LATTICE = 62
+
+
+def base_colours(surface: Surface) -> tuple[tf.Tensor, tf.Tensor]:
+    """C1 and C2 [3, 1, 1]."""
+    season = tf.abs(surface.season)
+    jitter = tf.stack([surface.hue_red, surface.hue_green, surface.hue_blue])[:, None, None]
+    first = (palette(season) + jitter) * surface.brightness
+    second = (palette(season + surface.season_spread) + jitter) * surface.brightness
+    return tf.clip_by_value(first, 0.02, 0.95), tf.clip_by_value(second, 0.02, 0.95)
+
+
+def palette(season: tf.Tensor) -> tf.Tensor:
+    """Colour [3, 1, 1] at `season` in [0, 1] of PALETTE, linearly interpolated."""
+    position = tf.clip_by_value(season, 0, 1) * (len(PALETTE) - 1)
+    weights = tf.maximum(1 - tf.abs(position - tf.range(len(PALETTE), dtype=tf.float32)), 0)
+    return tf.linalg.matvec(tf.constant(PALETTE), weights, transpose_a=True)[:, None, None]
+
+
+def blade(surface: Surface, key: Key, size: tuple[int, int], texture: tf.Tensor | None) -> tf.Tensor:
+    """The texture T [3, H, W] before veins: C1 and C2 blended by gradient noise, with fine mottling.
+
+    `texture` [3, H, W] in [0, 1], where given, is a photograph's relief around mean 1 that C1 is multiplied by.
+    """
+    lattices = key.uniform([3, _LATTICE, _LATTICE], Purpose.SURFACE)
+    first, second = base_colours(surface)
+    blended = noise.gradient(lattices[:2] * 2 - 1, size, cells=surface.blend_cells)
+    share = tf.clip_by_value(0.5 + surface.blend_sharpness * blended, 0, 1)
+    mottle = 1 + surface.mottle * noise.simple(lattices[2], size, cells=surface.mottle_cells)
+    if texture is not None:
+        first = first * (1 + surface.texture_share * (texture - 1))
+    return (first + share * (second - first)) * mottle
+
+
+def spots(colour: tf.Tensor, surface: Surface, key: Key) -> tf.Tensor:
+    """Brown spots and patches on [3, H, W], where the leaf has them."""
+
+    def stain() -> tf.Tensor:
+        size = (colour.shape[1], colour.shape[2])
+        field = noise.simple(key.uniform([_LATTICE, _LATTICE], Purpose.SPOTS), size, cells=surface.spot_cells)
+        cover = tf.clip_by_value((field - surface.spot_threshold) * 8, 0, 0.9)
+        return colour + cover * (palette(surface.spot_season) - colour)
+
+    return tf.cond(surface.spotted, stain, lambda: colour)
+
+
+def undulation(surface: Surface, key: Key, size: tuple[int, int]) -> tf.Tensor:
+    """Voronoi displacement of the blade's height [H, W], about [-1, 1] (paper: vertex displacement)."""
+    jitter = key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.SURFACE_VORONOI)
+    return surface.undulation * noise.voronoi(jitter, size, cells=surface.undulation_cells)
+
+
+def normals(height_mm: tf.Tensor, px_per_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Slopes dH/dx and dH/dy [H, W] of a height map in mm: the normal is (-dH/dx, -dH/dy, 1)."""
+    right = tf.pad(height_mm[:, 1:] - height_mm[:, :-1], [[0, 0], [0, 1]])
+    below = tf.pad(height_mm[1:] - height_mm[:-1], [[0, 1], [0, 0]])
+    return right * px_per_mm, below * px_per_mm
+
+
+def vein_tint(colour: tf.Tensor, surface: Surface, coverage: tf.Tensor) -> tf.Tensor:
+    """Lighten or darken [3, H, W] where veins V_e [H, W] run."""
+    pale = tf.constant([0.72, 0.74, 0.45])[:, None, None]
+    lighter = tf.maximum(surface.vein_contrast, 0) * coverage
+    darker = tf.maximum(-surface.vein_contrast, 0) * coverage
+    return (colour + lighter * (pale - colour)) * (1 - darker)
+
+
+def browned_margin(colour: tf.Tensor, surface: Surface, inwardness: tf.Tensor) -> tf.Tensor:
+    """Brown [3, H, W] towards the margin; `inwardness` [H, W] is the softened coverage, about 0.5 there."""
+    edge = surface.margin_browning * tf.clip_by_value(2 - 2 * inwardness, 0, 1)
+    return colour + edge * edge * (palette(tf.constant(0.8)) - colour)
+
+
+def photographed(textures: tf.Tensor, key: Key, size: tuple[int, int]) -> tf.Tensor:
+    """Relief [3, H, W] around mean 1 from one of `textures` [N, T, T, 3], a random square of it."""
+    random = key.uniform([4], Purpose.TEXTURE)
+    count, side = tf.shape(textures)[0], textures.shape[1]
+    chosen = textures[tf.cast(random[0] * tf.cast(count, tf.float32), tf.int32)]
+    crop = tf.cast((0.5 + 0.5 * random[1]) * side, tf.int32)
+    corner = tf.cast(random[2:] * tf.cast(side - crop, tf.float32), tf.int32)
+    square = tf.image.resize(chosen[corner[0] : corner[0] + crop, corner[1] : corner[1] + crop], size)
+    return tf.transpose(square, [2, 0, 1])

@@ -1,0 +1,73 @@
+"""Veins by turtle graphics (paper, section 3.2, after Goldman et al. 2004).
+
+A turtle obeys a list of (turn, forward) commands; its path is the cumulative sum of its steps, so all turtles
+of a leaf walk at once. One turtle walks the midrib; secondary turtles leave it at random angles theta, curve
+towards the tip, jitter by Brownian motion Bm(t), and taper. Their ribbons are filled like any polygon.
+"""
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.synthesis import raster
+from laesi_tf.synthesis.keys import Key, Purpose
+from laesi_tf.synthesis.leaf import Leaf, midrib
+
+SECONDARIES = 14
+STEPS = 16
+MIDRIB_STEPS = 32
+
+
+def turtle(start: tf.Tensor, heading: tf.Tensor, turns: tf.Tensor, steps: tf.Tensor) -> tf.Tensor:
+    """Walk turtles [..., n] of commands: points [..., n + 1, 2] in the unit of `steps`.
+
+    Each command turns the turtle by `turns` [..., n] radians, then moves it `steps` [..., n] forward; it
+    sets out from `start` [..., 2] looking along `heading` [...].
+    """
+    direction = heading[..., None] + tf.cumsum(turns, axis=-1)
+    moves = steps[..., None] * tf.stack([tf.cos(direction), tf.sin(direction)], axis=-1)
+    path = start[..., None, :] + tf.cumsum(moves, axis=-2)
+    return tf.concat([start[..., None, :], path], axis=-2)
+
+
+def ribbons(paths: tf.Tensor, widths: tf.Tensor) -> tf.Tensor:
+    """Outlines [..., 2n, 2] of strokes along `paths` [..., n, 2] that are `widths` [..., n] wide."""
+    step = paths[..., 1:, :] - paths[..., :-1, :]
+    step = tf.concat([step, step[..., -1:, :]], axis=-2)
+    normal = tf.stack([-step[..., 1], step[..., 0]], axis=-1)
+    normal = normal / (tf.norm(normal, axis=-1, keepdims=True) + 1e-6)
+    half = normal * widths[..., None] / 2
+    return tf.concat([paths + half, tf.reverse(paths - half, [-2])], axis=-2)
+
+
+def secondary_paths(leaf: Leaf, key: Key, jitter: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Paths [2, SECONDARIES, STEPS + 1, 2] mm of the secondary veins, and 1 or 0 for each that exists."""
+    random = key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)
+    rank = (tf.range(SECONDARIES, dtype=tf.float32) + 0.6) / leaf.veins
+    along = rank * 0.93 + 0.012 * random[..., 0]
+    exists = tf.cast(along < 0.95, tf.float32)
+    start, tangent = midrib(leaf, along * leaf.length_mm)
+    forward = tf.atan2(tangent[..., 1], tangent[..., 0])
+    side = tf.constant([-1.0, 1.0])[:, None]
+    angle = leaf.vein_angle * (1.15 - 0.4 * along) + 0.06 * random[..., 1]
+    length = leaf.length_mm * leaf.aspect * (0.75 - 0.45 * along * along)
+    steps = tf.broadcast_to((length / STEPS)[..., None], [2, SECONDARIES, STEPS])
+    brownian = jitter * random[..., 2:]
+    turns = side[..., None] * (brownian - 0.035)
+    return turtle(start, forward + side * angle, turns, steps), exists
+
+
+def edges(leaf: Leaf, key: Key, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
+    """Ribbon polygons of all veins as one list of edges [n, 2 ends, 2], leaf coordinates in mm."""
+    along = tf.constant(np.linspace(-0.02, 0.96, MIDRIB_STEPS), tf.float32)
+    middle, _ = midrib(leaf, along * leaf.length_mm)
+    taper = tf.constant(np.linspace(1, 0.25, MIDRIB_STEPS), tf.float32)
+    main = raster.segments(ribbons(middle, width_mm * taper))
+    paths, exists = secondary_paths(leaf, key, jitter)
+    thinning = tf.constant(np.linspace(0.55, 0.12, STEPS + 1), tf.float32)
+    side = ribbons(paths, width_mm * exists[..., None] * thinning)
+    return tf.concat([main, tf.reshape(raster.segments(side), [-1, 2, 2])], axis=0)
+
+
+def height(coverage: tf.Tensor) -> tf.Tensor:
+    """Height map H in [0, 1] of vein `coverage` [H, W]: veins stand proud of the blade by their thickness."""
+    return tf.minimum(tf.abs(coverage), 1)
