@@ -37,11 +37,14 @@ def main(arguments: Sequence[str]) -> None:
     scores = evaluate(estimator, photos)
     summaries = {name: summarise(group) for name, group in subsets(scores).items()}
     _write_table(table, scores)
+    written = [table]
     if ranked := rank(scores)[:WORST]:
         write_png(worst, sheet([_tile(estimator, score) for score in ranked]))
+        written.append(worst)
     if options.json is not None:
         write_json(options.json, summaries)
-    _report(scores, summaries, options.out)
+    _report(scores, summaries)
+    print("written:", ", ".join(printable(path) for path in written))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -95,20 +98,20 @@ def _cells(score: Score) -> tuple[object, ...]:
     )
 
 
-def _report(scores: Sequence[Score], summaries: Mapping[str, Figures], out: Path) -> None:
+def _report(scores: Sequence[Score], summaries: Mapping[str, Figures]) -> None:
     """Print the table of subsets, then what a reader must know before believing it."""
     width = max(len(printable(name)) for name in summaries)
     columns = "    n  MRE %  [95 % interval]  median %   p90 %   mIoU     MPE  refused  skipped"
     print(f"{'subset':<{width}} {columns}")
     for name, figures in summaries.items():
         print(f"{printable(name):<{width}} {_line(figures)}")
+    print(f"measured by {', '.join(sorted({score.method for score in scores if score.method}))}")
     other = sum(score.photo.grid_mm != 1.0 for score in scores)
     if other:
         print(f"{other} of {len(scores)} photos are not on 1 mm paper, the domain of models trained on it")
     for score in scores:
         if score.error is not None:
             print(f"skipped {printable(score.photo.name)}: {printable(score.error)}")
-    print(f"per photo: {printable(out / 'photos.csv')}; the worst: {printable(out / 'worst.png')}")
 
 
 def _line(figures: Figures) -> str:

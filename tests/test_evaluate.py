@@ -90,10 +90,13 @@ def test_files_of_a_run(runs: dict[str, Path], manifest: Path, tmp_path: Path) -
     assert worst.shape[1] > 3 * 400 and {tuple(pixel) for pixel in worst.reshape(-1, 3)} >= {command.TRUE}
 
 
-def test_mask_model_needs_the_manifests_scale(runs: dict[str, Path], manifest: Path, tmp_path: Path) -> None:
+def test_mask_model_needs_the_manifests_scale(
+    runs: dict[str, Path], manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     found = run_on(manifest, tmp_path / "out", "--model", str(runs["mask"]))
     area = math.pi * (0.3 * 96) ** 2 / 2**2 / 100
     assert found["easy"]["mre"] == pytest.approx(100 * (1 - area / PERCENT), abs=1)
+    assert "measured by mask x given scale" in capsys.readouterr().out
     assert found["grid 5 mm"]["refused"] == 1 and found["grid 5 mm"]["mre"] is None and found["all"]["n"] == 3
 
 

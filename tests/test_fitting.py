@@ -50,6 +50,14 @@ def test_mask_there_and_back(size: tuple[int, int]) -> None:
     assert back.shape == size and (back & true).sum() / (back | true).sum() > 0.94
 
 
+def test_mask_comes_back_to_its_place() -> None:
+    true = np.zeros((300, 500), bool)
+    true[40:120, 330:430] = True
+    back = place((300, 500), (96, 96)).to_photo(fit_mask(true, (96, 96))) >= 0.5
+    for found, expected in zip(np.nonzero(back), np.nonzero(true), strict=True):
+        assert found.mean() == pytest.approx(expected.mean(), abs=1.5)
+
+
 @pytest.mark.parametrize("size", [(1, 1), (1, 5000), (40000, 3)])
 def test_extreme_shapes(size: tuple[int, int]) -> None:
     image, placement = fit(np.full((*size, 3), 77, np.uint8), (64, 64))

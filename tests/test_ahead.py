@@ -1,0 +1,43 @@
+"""Reading ahead keeps order, bounds memory and lets one bad file pass."""
+
+import threading
+
+import pytest
+
+from laesi_tf.data.ahead import read_ahead
+from laesi_tf.errors import InputError
+
+
+def halves(number: int) -> int:
+    if number % 2:
+        raise InputError(f"{number} is odd")
+    return number // 2
+
+
+def test_results_come_in_order_and_bad_items_in_their_place() -> None:
+    found = list(read_ahead(halves, range(7)))
+    assert [item for item, _ in found] == list(range(7))
+    assert [result for _, result in found[::2]] == [0, 1, 2, 3]
+    assert all(isinstance(result, InputError) for _, result in found[1::2])
+
+
+def test_no_more_is_read_than_asked() -> None:
+    started: list[int] = []
+    lock = threading.Lock()
+
+    def read(item: int) -> int:
+        with lock:
+            started.append(item)
+        return item
+
+    results = read_ahead(read, range(100), depth=2)
+    for expected in range(10):
+        assert next(results) == (expected, expected)
+        assert len(started) <= expected + 4
+    results.close()  # type: ignore[attr-defined]
+    assert len(started) < 20
+
+
+def test_faults_of_ours_are_raised() -> None:
+    with pytest.raises(ZeroDivisionError):
+        list(read_ahead(lambda item: 1 // item, [1, 0, 2]))
