@@ -8,9 +8,11 @@ Images are planar here: [3, H, W] in [0, 1], which on a CPU is several times fas
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.frame import Size
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -36,15 +38,15 @@ class Camera:
     blurred: Number = Chance(0.5)
     blur_mm: Number = (0.03, 0.25)
     """Standard deviation of the focus blur, mm on the sheet."""
-    noise: Number = (0.0, 0.035)
-    noise_chroma: Number = (0.0, 0.02)
+    noise: Number = (0.0, 0.04)
+    """Standard deviation in the shadows; half of it in the lights."""
     warmth: Number = (-0.2, 0.2)
     """White balance: gain of red against blue."""
     green: Number = (-0.06, 0.06)
     exposure: Number = (0.72, 1.18)
     contrast: Number = (0.85, 1.2)
     saturation: Number = (0.75, 1.3)
-    compressed: Number = Chance(0.5)
+    compressed: Number = Chance(0.35)
     """JPEG halves the resolution of colour."""
 
 
@@ -63,7 +65,7 @@ MARGIN = 0.02
 """The leaf keeps this fraction of the picture's side between itself and the frame."""
 
 
-def view(camera: Camera, outline: tf.Tensor, size: tuple[int, int]) -> View:
+def view(camera: Camera, outline: tf.Tensor, size: Size) -> View:
     """Point the camera at the leaf `outline` [n, 2] (sheet mm, centred) so that the leaf lies in the frame."""
     height, width = size
     extent = tf.reduce_max(outline, axis=0) - tf.reduce_min(outline, axis=0)
@@ -108,7 +110,7 @@ def project(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
     """Map `points` [..., 2] through `homography` [3, 3]."""
     flat = tf.reshape(points, [-1, 2])
     mapped = tf.linalg.matmul(flat, homography[:, :2], transpose_b=True) + homography[:, 2]
-    return tf.reshape(mapped[:, :2] / mapped[:, 2:], points.shape)
+    return tf.reshape(mapped[:, :2] / mapped[:, 2:], tf.shape(points))
 
 
 def scale_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
@@ -117,16 +119,15 @@ def scale_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
     return tf.sqrt(tf.abs(tf.linalg.det(homography)) / tf.abs(w) ** 3)
 
 
-def sheet_coordinates(to_px: tf.Tensor, size: tuple[int, int]) -> tuple[tf.Tensor, tf.Tensor]:
+def sheet_coordinates(to_px: tf.Tensor, size: Size) -> tuple[tf.Tensor, tf.Tensor]:
     """Sheet position X, Y [H, W] in mm under each pixel's centre."""
     # The adjugate: a homography's inverse up to a factor, which the division removes.
-    columns = tf.linalg.cross(tf.gather(to_px, [1, 2, 0]), tf.gather(to_px, [2, 0, 1]))
-    across, down, constant = tf.unstack(columns[:, :, None, None])
-    u = (tf.range(size[1], dtype=tf.float32) + 0.5)[None, None, :]
-    v = (tf.range(size[0], dtype=tf.float32) + 0.5)[None, :, None]
-    x, y, w = tf.unstack(across * u + (down * v + constant))
+    inverse = tf.linalg.cross(tf.gather(to_px, [1, 2, 0]), tf.gather(to_px, [2, 0, 1]))
+    v, u = np.mgrid[: size[0], : size[1]].astype(np.float32) + 0.5
+    pixels = tf.constant(np.stack([u, v, np.ones_like(u)]).reshape(3, -1))
+    x, y, w = tf.unstack(tf.linalg.matmul(inverse, pixels, transpose_a=True))
     reciprocal = 1 / w
-    return x * reciprocal, y * reciprocal
+    return tf.reshape(x * reciprocal, size), tf.reshape(y * reciprocal, size)
 
 
 def blur(image: tf.Tensor, sigma: tf.Tensor, *, reach: int) -> tf.Tensor:
@@ -180,15 +181,13 @@ def develop(image: tf.Tensor, camera: Camera) -> tf.Tensor:
     mix = camera.saturation * tf.eye(3) + (1 - camera.saturation) * tf.repeat(luma, 3, axis=0)
     matrix = camera.contrast * mix * gains[None, :]
     flat = tf.reshape(image, [3, -1])
-    return tf.reshape(matrix @ flat, image.shape) + 0.5 * (1 - camera.contrast)
+    return tf.reshape(matrix @ flat + 0.5 * (1 - camera.contrast), image.shape)
 
 
 def sensor_noise(image: tf.Tensor, camera: Camera, key: Key) -> tf.Tensor:
-    """Luma and chroma noise of [3, H, W], stronger in the shadows as a tone curve makes it."""
-    offsets = key.uniform([4, 2], Purpose.SENSOR)
-    grains = noise.grain(offsets, (image.shape[1], image.shape[2]))
-    amplitude = 1.25 - 0.6 * image[1:2]
-    return image + amplitude * (camera.noise * grains[:1] + camera.noise_chroma * grains[1:])
+    """Sensor noise on [3, H, W], stronger in the shadows as a tone curve makes it."""
+    grain = noise.grain(key.uniform([2], Purpose.SENSOR), (image.shape[1], image.shape[2]))
+    return image + camera.noise * (1.25 - 0.6 * image[1]) * grain
 
 
 def _luma(image: tf.Tensor) -> tf.Tensor:

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise, paper
+from laesi_tf.synthesis.frame import Size, whole
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
-_LATTICE = 62
+_NODES = 46
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Desk:
     saturation: Number = (0.0, 0.65)
     brightness: Number = (0.05, 0.95)
     grain: Number = (0.0, 0.4)
-    grain_cells: Number = (14, 60)
+    grain_cells: Number = (10, 42)
     lengthwise: Number = Chance(0.6)
     """The grain runs along the picture like wood instead of being speckled."""
     shadow: Number = (0.0, 0.5)
@@ -28,16 +29,13 @@ class Desk:
     shadow_mm: Number = (1.0, 8.0)
 
 
-def desk(top: Desk, key: Key, size: tuple[int, int]) -> tf.Tensor:
-    """Colour [3, H, W] of the table top."""
+def desk(top: Desk, key: Key, distance_mm: tf.Tensor) -> tf.Tensor:
+    """Colour [3, H, W] of the table top, darker near the sheet: `distance_mm` [H, W] is negative off the sheet."""
+    size = (distance_mm.shape[0], distance_mm.shape[1])
     hue = tf.where(top.cold, top.hue + 0.5, top.hue)
     colour = paper.tint(hue, top.saturation)[:, None, None] * top.brightness
-    lattice = key.uniform([_LATTICE, _LATTICE], Purpose.DESK)
+    lattice = key.uniform([_NODES, _NODES], Purpose.DESK)
     # Repeating one column along a row stretches the noise into fibres without a second kind of noise.
     fibres = tf.where(top.lengthwise, 0.75 * lattice[:, :1] + 0.25 * lattice, lattice)
-    return colour * (1 + top.grain * noise.simple(fibres, size, cells=top.grain_cells))
-
-
-def beside_sheet(top: Desk, distance_mm: tf.Tensor) -> tf.Tensor:
-    """Light left on the desk [H, W] at (negative) `distance_mm` inside the sheet's rectangle."""
-    return 1 - top.shadow * tf.exp(tf.minimum(distance_mm, 0) / top.shadow_mm)
+    shade = 1 - top.shadow * tf.exp(tf.minimum(distance_mm / top.shadow_mm, 0))
+    return colour * (shade * (1 + top.grain * noise.simple(fibres, whole(size), cells=top.grain_cells)))

@@ -25,6 +25,8 @@ class Purpose(enum.IntEnum):
     DESK = 14
     SENSOR = 15
     TEXTURE = 16
+    PAPER_GRADIENT = 17
+    MOTTLE = 18
 
 
 class Key:

@@ -186,8 +186,8 @@ def outline(leaf: Leaf, key: Key) -> tf.Tensor:
     normals = key.normal([2, CONTROLS + 2 * _FINE, 2], Purpose.OUTLINE)
     controls, fine = normals[:, :CONTROLS], normals[:, CONTROLS:, 0]
     bites = key.uniform([2, BITES, 3], Purpose.BITES)
-    sides = _blade(leaf, controls, fine, bites)
-    along, across = tf.unstack(sides * leaf.length_mm, axis=-1)
+    along, across = _blade(leaf, controls, fine, bites)
+    along, across = along * leaf.length_mm, across * leaf.length_mm
     stalk = leaf.petiole_width_mm / 2 * tf.maximum(1 - along / leaf.length_mm, 0) ** 4
     across = tf.sqrt(across * across + stalk * stalk)
     reach, thickness = _petiole(leaf)
@@ -247,8 +247,10 @@ def _half_width(leaf: Leaf, along: tf.Tensor) -> tf.Tensor:
     return tf.maximum(1 - distance * distance, 1e-6) ** power
 
 
-def _blade(leaf: Leaf, jitter: tf.Tensor, fine: tf.Tensor, bites: tf.Tensor) -> tf.Tensor:
-    """Both sides of the blade [2, SIDE_POINTS, 2], y outward and positive, blade length 1."""
+def _blade(
+    leaf: Leaf, jitter: tf.Tensor, fine: tf.Tensor, bites: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Both sides of the blade, (along, outward) [2, SIDE_POINTS] each, blade length 1."""
     s = tf.constant(np.linspace(0, 1, CONTROLS), tf.float32)
     along = 0.5 - 0.5 * tf.cos(np.pi * s)
     width = _half_width(leaf, along) * leaf.aspect / 2
@@ -257,9 +259,9 @@ def _blade(leaf: Leaf, jitter: tf.Tensor, fine: tf.Tensor, bites: tf.Tensor) -> 
     width = width * side * (1 - leaf.lobe_depth * (1 - lobe) * envelope)
     x = along - leaf.cordate * (s / 0.1) * tf.exp(1 - s / 0.1)
     x = x + leaf.lobe_lean * leaf.lobe_depth * leaf.aspect * lobe * envelope
-    inner = tf.sin(np.pi * s)[:, None]
-    displaced = tf.stack([x, width], axis=-1) + jitter * leaf.irregularity * inner * leaf.aspect
-    curve = _apply(_catmull_rom(CONTROLS, SIDE_POINTS), displaced)
+    spread = leaf.irregularity * leaf.aspect * tf.sin(np.pi * s)
+    basis = tf.constant(_catmull_rom(CONTROLS, SIDE_POINTS).T)
+    curve = (x + jitter[..., 0] * spread) @ basis, (width + jitter[..., 1] * spread) @ basis
     return _margin(leaf, curve, fine, bites)
 
 
@@ -274,39 +276,38 @@ def _lobes(leaf: Leaf, along: tf.Tensor, jitter: tf.Tensor) -> tuple[tf.Tensor, 
     return profile, tf.minimum(along * 6, 1) * tf.minimum((1 - along) * 8, 1)
 
 
-def _margin(leaf: Leaf, curve: tf.Tensor, fine: tf.Tensor, bites: tf.Tensor) -> tf.Tensor:
-    """Displace the curve [2, SIDE_POINTS, 2] along its normal: waves, teeth, roughness; then bite it."""
-    s = tf.constant(np.linspace(0, 1, SIDE_POINTS), tf.float32)
-    step = curve[:, 2:] - curve[:, :-2]
-    normal = tf.stack([-step[..., 1], step[..., 0]], axis=-1)
-    normal = normal / (tf.norm(normal, axis=-1, keepdims=True) + 1e-6)
-    normal = tf.pad(normal, [[0, 0], [1, 1], [0, 0]])
-    saw = leaf.teeth * s + tf.stack([0.0, 0.5])[:, None]
+def _margin(
+    leaf: Leaf, curve: tuple[tf.Tensor, tf.Tensor], fine: tf.Tensor, bites: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Displace the curve along its normal by waves, teeth and roughness; then bite it."""
+    s = np.linspace(0, 1, SIDE_POINTS, dtype=np.float32)
+    saw = leaf.teeth * s + tf.constant([[0.0], [0.5]])
     saw = saw - tf.floor(saw)
     teeth = leaf.tooth_height * tf.minimum(saw * 1.3, (1 - saw) * 4.3)
     waves = leaf.wave_height * tf.sin(2 * np.pi * leaf.waves * s + fine[:, :1] * 3)
-    rough = tf.linalg.matmul(fine[:, _FINE:], tf.constant(_linear(_FINE, SIDE_POINTS)), transpose_b=True)
-    ends = tf.minimum(tf.minimum(s, 1 - s) * 12, 1)
+    rough = fine[:, _FINE:] @ tf.constant(_linear(_FINE, SIDE_POINTS).T)
+    ends = tf.constant(np.minimum(np.minimum(s, 1 - s) * 12, 1), tf.float32)
     out = (teeth + waves + leaf.roughness * rough) * ends * tf.sqrt(leaf.aspect)
-    return _bite(leaf, curve + out[..., None] * normal, bites, s)
+    step_x, step_y = (tf.pad(side[:, 2:] - side[:, :-2], [[0, 0], [1, 1]]) for side in curve)
+    out *= tf.math.rsqrt(step_x * step_x + step_y * step_y + 1e-12)
+    outward = tf.maximum(curve[1] + out * step_x, 0) * (1 - _notches(leaf, bites, s))
+    return curve[0] - out * step_y, outward
 
 
-def _bite(leaf: Leaf, curve: tf.Tensor, bites: tf.Tensor, s: tf.Tensor) -> tf.Tensor:
-    """Pull the margin [2, SIDE_POINTS, 2] towards the midrib where something ate of it."""
-    centre = 0.15 + 0.7 * bites[:, :, 0]
-    spread = 0.01 + 0.035 * bites[:, :, 1]
-    distance = (s[None, None, :] - centre[..., None]) / spread[..., None]
-    depth = leaf.bite_depth * tf.cast(leaf.bitten, tf.float32) * tf.cast(bites[:, :, 2] < 0.5, tf.float32)
-    notch = tf.reduce_max(depth[..., None] * tf.exp(-(distance**4)), axis=1)
-    return tf.stack([curve[..., 0], tf.maximum(curve[..., 1], 0) * (1 - notch)], axis=-1)
+def _notches(leaf: Leaf, bites: tf.Tensor, s: tf.Tensor) -> tf.Tensor:
+    """How far [2, SIDE_POINTS] the margin is pulled towards the midrib where something ate of it."""
+    centre = 0.15 + 0.7 * bites[:, :, :1]
+    spread = 0.01 + 0.035 * bites[:, :, 1:2]
+    distance = (s - centre) / spread
+    depth = leaf.bite_depth * tf.cast(leaf.bitten & (bites[:, :, 2:] < 0.5), tf.float32)
+    return tf.reduce_max(depth * tf.exp(-((distance * distance) ** 2)), axis=1)
 
 
 def _petiole(leaf: Leaf) -> tuple[tf.Tensor, tf.Tensor]:
     """Distance along the midrib (negative) and half-thickness of the petiole's points, mm."""
     s = tf.constant(np.linspace(1, 0, PETIOLE_POINTS, endpoint=False), tf.float32)
-    rounded_end = tf.sqrt(tf.minimum((1 - s) * 12, 1))
-    swelling = 1 + 0.5 * s**6
-    return -s * leaf.petiole * leaf.length_mm, leaf.petiole_width_mm / 2 * rounded_end * swelling
+    profile = tf.sqrt(tf.minimum((1 - s) * 12, 1)) * (1 + 0.5 * s**6)
+    return -s * leaf.petiole * leaf.length_mm, leaf.petiole_width_mm / 2 * profile
 
 
 def _bend(leaf: Leaf, along: tf.Tensor, across: tf.Tensor) -> tf.Tensor:
@@ -328,12 +329,6 @@ def midrib(leaf: Leaf, along: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     shrink = tf.where(t < 0, leaf.petiole_bend**2, leaf.bend**2 * (1 + leaf.bend_change) ** 2)
     point = tf.stack([t - shrink * t**3 / 6, y], axis=-1) * leaf.length_mm
     return point, tf.stack([tf.cos(heading), tf.sin(heading)], axis=-1)
-
-
-def _apply(basis: np.ndarray, controls: tf.Tensor) -> tf.Tensor:
-    """Curves [2, n, 2] from control points [2, k, 2] and a basis [n, k], as one matrix product."""
-    columns = tf.reshape(tf.transpose(controls, [1, 0, 2]), [controls.shape[1], 4])
-    return tf.transpose(tf.reshape(tf.constant(basis) @ columns, [-1, 2, 2]), [1, 0, 2])
 
 
 def _catmull_rom(controls: int, points: int) -> np.ndarray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.frame import Frame, Size, whole
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -48,6 +49,8 @@ class Light:
 
 
 LATTICE = 28
+_COARSE = 4
+"""Pixels a side of the blocks on which shadows are made."""
 
 
 def direction(light: Light) -> tf.Tensor:
@@ -55,47 +58,47 @@ def direction(light: Light) -> tf.Tensor:
     return tf.stack([tf.cos(light.direction), tf.sin(light.direction)])
 
 
-def shadow(coverage: tf.Tensor, light: Light, size: tuple[int, int], px_per_mm: tf.Tensor) -> tf.Tensor:
-    """Light that is left, [H, W] in [0, 1], beside a caster with coarse `coverage` [h, w] (shadow mapping).
+def shadow(coverage: tf.Tensor, light: Light, size: Size, px_per_mm: tf.Tensor) -> tf.Tensor:
+    """Light that is left, [H, W] in [0, 1], beside a caster of `coverage` [H, W] (shadow mapping).
 
-    The caster is shifted by p and blurred by sz while it is interpolated to the picture's size.
+    The caster is shifted by p and blurred by sz while it is interpolated from a quarter of the resolution.
     """
     shift = light.offset_mm * px_per_mm * direction(light)
-    spread = light.softness_mm * px_per_mm
-    down = _smear(size[0], coverage.shape[0], shift[1], spread)
-    across = _smear(size[1], coverage.shape[1], shift[0], spread)
-    return 1 - light.strength * tf.minimum(down @ coverage @ tf.transpose(across), 1)
+    shade = soften(coverage, whole(size), light.softness_mm * px_per_mm, shift=shift)
+    return 1 - light.strength * tf.minimum(shade, 1)
 
 
-def soften(coverage: tf.Tensor, size: tuple[int, int], spread_px: tf.Tensor) -> tf.Tensor:
-    """Interpolate coarse `coverage` [h, w] to [H, W] with a Gaussian of `spread_px`."""
-    zero = tf.zeros([])
-    down = _smear(size[0], coverage.shape[0], zero, spread_px)
-    across = _smear(size[1], coverage.shape[1], zero, spread_px)
-    return down @ coverage @ tf.transpose(across)
+def soften(
+    coverage: tf.Tensor, frame: Frame, spread_px: tf.Tensor, *, shift: tf.Tensor | tuple[float, float] = (0.0, 0.0)
+) -> tf.Tensor:
+    """Blur a field [H, W] by a Gaussian of `spread_px` and shift it by (x, y) pixels, dark beyond its frame."""
+    coarse = tf.nn.avg_pool2d(coverage[None, ..., None], _COARSE, _COARSE, "SAME")[0, ..., 0]
+    down = _smear(frame.height, shift[1], spread_px)
+    across = _smear(frame.width, shift[0], spread_px)
+    return tf.linalg.matmul(down @ coarse, across, transpose_b=True)
 
 
-def _smear(length: int, nodes: int, shift: tf.Tensor, spread_px: tf.Tensor) -> tf.Tensor:
-    """Gaussian interpolation weights [length, nodes]; the sum of a row is one well inside the picture."""
-    pitch = length / nodes
-    pixels = tf.range(length, dtype=tf.float32) + 0.5 - shift
-    centres = (tf.range(nodes, dtype=tf.float32) + 0.5) * pitch
-    spread = tf.maximum(spread_px, 0.6 * pitch)
+def _smear(length: tf.Tensor | int, shift: tf.Tensor | float, spread_px: tf.Tensor) -> tf.Tensor:
+    """Gaussian interpolation weights [length, length / 4]; the sum of a row is one well inside the frame."""
+    nodes = (length + _COARSE - 1) // _COARSE
+    pixels = tf.cast(tf.range(length), tf.float32) + 0.5 - shift
+    centres = (tf.cast(tf.range(nodes), tf.float32) + 0.5) * _COARSE
+    spread = tf.maximum(spread_px, 0.6 * _COARSE)
     distance = (pixels[:, None] - centres[None, :]) / spread
-    return tf.exp(-0.5 * distance * distance) * (pitch / (spread * math.sqrt(2 * math.pi)))
+    return tf.exp(-0.5 * distance * distance) * (_COARSE / (spread * math.sqrt(2 * math.pi)))
 
 
-def illumination(light: Light, key: Key, size: tuple[int, int]) -> tf.Tensor:
+def illumination(light: Light, key: Key, size: Size) -> tf.Tensor:
     """Relative illumination [H, W]: fall-off, vignetting, unevenness and cast shadows."""
     x, y = _frame(LATTICE)
     along = direction(light)
     field = 1 + light.slope * (x * along[0] + y * along[1]) - light.vignette * (x * x + y * y)
     random = key.uniform([8, 8], Purpose.ILLUMINATION)
-    field *= 1 + light.unevenness * noise.simple(random, (LATTICE, LATTICE))
+    field *= 1 + light.unevenness * noise.simple(random, whole((LATTICE, LATTICE)))
     distance = x * tf.cos(light.cast_angle) + y * tf.sin(light.cast_angle) - light.cast_offset
     strength = light.cast_strength * tf.cast(light.cast, tf.float32)
     field *= 1 - strength * tf.sigmoid(distance / light.cast_softness)
-    return noise.upsample(field, size)
+    return noise.upsample(field, whole(size))
 
 
 def relief(colour: tf.Tensor, slopes: tuple[tf.Tensor, tf.Tensor], light: Light) -> tf.Tensor:
@@ -117,7 +120,7 @@ def glass(image: tf.Tensor, light: Light) -> tf.Tensor:
         along = y * cosine - x * sine
         pane = tf.sigmoid((light.glass_width - tf.abs(across)) / 0.02)
         bars = tf.sigmoid((tf.abs(tf.abs(along) - 0.2) - 0.02) / 0.01) * tf.sigmoid((0.42 - tf.abs(along)) / 0.03)
-        reflection = noise.upsample(pane * bars, (image.shape[1], image.shape[2]))
+        reflection = noise.upsample(pane * bars, whole((image.shape[1], image.shape[2])))
         strength = light.glass_veil + light.glass_strength * reflection
         return image + strength * (0.97 - image)
 

@@ -13,12 +13,18 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.frame import Size, whole
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
 PERIOD_MM = 10
-_HARMONICS = {1: 8, 5: 32, 10: 48}
-NOISE_CELLS = 40
+_PITCHES = (1, 5, 10)
+_HARMONICS = (8, 32, 48)
+_FREQUENCY = np.concatenate([np.arange(1, n + 1) / pitch for n, pitch in zip(_HARMONICS, _PITCHES, strict=True)])
+"""Spatial frequencies B / 2 pi of all sines, cycles per mm, family after family."""
+_MEMBERSHIP = np.repeat(np.eye(len(_PITCHES), dtype=np.float32), _HARMONICS, axis=1)
+_GRADIENT_NODES = 16
+_SIMPLE_NODES = 30
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ class Paper:
     voronoi_weight: Number = (0.0, 0.03)
     voronoi_cells: Number = (3, 8)
     simple_weight: Number = (0.0, 0.035)
-    simple_cells: Number = (12, 38)
+    simple_cells: Number = (8, 26)
     print_wear: Number = (0.0, 0.5)
     """How far the ink's strength varies over the sheet."""
     creased: Number = Chance(0.18)
@@ -75,7 +81,7 @@ class Paper:
     """Unprinted border; below zero the printing runs off the sheet."""
 
 
-def samples_per_mm(size: tuple[int, int]) -> int:
+def samples_per_mm(size: Size) -> int:
     """Resolution of the ruling's tile: four samples a pixel at the closest view (70 mm across)."""
     return max(10, math.ceil(4 * max(size) / 70))
 
@@ -88,21 +94,17 @@ def line_profiles(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Ten
     bilinear resize applies to photographs).
     """
     position = (np.arange(PERIOD_MM * samples) + 0.5) / samples
-    widths = {1: paper.width_1mm, 5: paper.width_5mm, 10: paper.width_10mm}
-    rows = []
-    for pitch, harmonics in _HARMONICS.items():
-        frequency = np.arange(1, harmonics + 1, dtype=np.float32) / pitch
-        sines = tf.constant(np.sin(2 * np.pi * frequency[:, None] * position + np.pi / 2), tf.float32)
-        width = widths[pitch]
-        amplitude = 2 * tf.sin(math.pi * frequency * width) / (math.pi * frequency * pitch)
-        amplitude *= tf.exp(-2 * (math.pi * frequency * paper.ink_spread_mm) ** 2)
-        amplitude *= _sinc(frequency * footprint_mm) ** 2
-        rows.append(tf.linalg.matvec(sines, amplitude, transpose_a=True) + width / pitch)
-    return tf.clip_by_value(tf.stack(rows), 0, 1)
+    sines = tf.constant(np.sin(2 * np.pi * _FREQUENCY[:, None] * position + np.pi / 2), tf.float32)
+    widths = tf.stack([paper.width_1mm, paper.width_5mm, paper.width_10mm])
+    share = widths / tf.constant(_PITCHES, tf.float32)
+    frequency = tf.constant(_FREQUENCY, tf.float32)
+    amplitude = tf.exp(-2 * (math.pi * paper.ink_spread_mm * frequency) ** 2) * _sinc(frequency * footprint_mm) ** 2
+    coefficients = 2 * share[:, None] * _sinc(widths[:, None] * frequency) * amplitude
+    return tf.clip_by_value((coefficients * tf.constant(_MEMBERSHIP)) @ sines + share[:, None], 0, 1)
 
 
 def ruling_tile(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
-    """Transmittance of the ruling over one 10 mm square: [3, n, n], rows along y, n = PERIOD_MM * samples."""
+    """Absorbance of the ruling over one 10 mm square: [3, n, n], rows along y, n = PERIOD_MM * samples."""
     profiles = line_profiles(paper, samples, footprint_mm)
     # Without a heavy family the sheet would be a plain 1 mm grid, which is not sold: keep one of the two.
     has_10mm = tf.cast(paper.has_10mm | ~paper.has_5mm, tf.float32)
@@ -112,17 +114,19 @@ def ruling_tile(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tenso
     fine = 1 - across[0] * down[0][:, None]
     heavy = 1 - (across[1] * across[2]) * (down[1] * down[2])[:, None]
     fine_ink, heavy_ink = ink_absorbances(paper)
-    return (1 - fine * fine_ink) * (1 - heavy * heavy_ink)
+    return 1 - (1 - fine * fine_ink) * (1 - heavy * heavy_ink)
 
 
 def ruling(paper: Paper, x_mm: tf.Tensor, y_mm: tf.Tensor, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
-    """Transmittance [3, H, W] of the ruling at sheet coordinates `x_mm`, `y_mm` [H, W]."""
+    """Absorbance [3, H, W] of the ruling at sheet coordinates `x_mm`, `y_mm` [H, W]."""
     side = PERIOD_MM * samples
-    tile = tf.transpose(tf.reshape(ruling_tile(paper, samples, footprint_mm), [3, -1]))
-    column = _cell(x_mm + paper.phase_x, side)
-    row = _cell(y_mm + paper.phase_y, side)
-    flat = tf.reshape(tf.cast(row * side + column, tf.int32), [-1])
-    return tf.reshape(tf.transpose(tf.gather(tile, flat)), [3, *x_mm.shape])
+    tile = tf.reshape(ruling_tile(paper, samples, footprint_mm), [3, -1])
+    column = _turns(x_mm + paper.phase_x) * side
+    row = tf.floor(_turns(y_mm + paper.phase_y) * side)
+    # Rounding can lift the last cell of the last row over the end of the tile.
+    flat = tf.minimum(tf.cast(row * side + column, tf.int32), side * side - 1)
+    # One gather_nd a channel: gathering triples and transposing them takes half as long again.
+    return tf.stack([tf.gather_nd(channel, flat[..., None]) for channel in tf.unstack(tile)])
 
 
 def colour(paper: Paper) -> tf.Tensor:
@@ -131,18 +135,19 @@ def colour(paper: Paper) -> tf.Tensor:
     return tint(paper.hue, saturation)[:, None, None] * paper.brightness
 
 
-def wear(paper: Paper, key: Key, size: tuple[int, int]) -> tuple[tf.Tensor, tf.Tensor]:
+def wear(paper: Paper, key: Key, size: Size) -> tuple[tf.Tensor, tf.Tensor]:
     """The blended noise L of the paper's section 3.1, and the ink's relative strength: both [H, W]."""
-    nodes = NOISE_CELLS + 2
-    lattices = key.uniform([4, nodes, nodes], Purpose.PAPER)
+    frame = whole(size)
+    gradients = key.uniform([2, _GRADIENT_NODES, _GRADIENT_NODES], Purpose.PAPER_GRADIENT)
+    values = key.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Purpose.PAPER)
     jitter = key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.PAPER_VORONOI)
     fields = (
-        noise.gradient(lattices[:2] * 2 - 1, size, cells=paper.gradient_cells),
-        noise.voronoi(jitter, size, cells=paper.voronoi_cells),
-        noise.simple(lattices[2], size, cells=paper.simple_cells),
+        noise.gradient(gradients * 2 - 1, frame, cells=paper.gradient_cells),
+        noise.voronoi(jitter, frame, cells=paper.voronoi_cells),
+        noise.simple(values[0], frame, cells=paper.simple_cells),
     )
     weights = (paper.gradient_weight, paper.voronoi_weight, paper.simple_weight)
-    strength = noise.upsample(lattices[3], size, cells=paper.simple_cells)
+    strength = noise.upsample(values[1], frame, cells=paper.simple_cells)
     return noise.blend(weights, fields), 1 - paper.print_wear * strength
 
 
@@ -153,21 +158,12 @@ def crease(paper: Paper, x_mm: tf.Tensor, y_mm: tf.Tensor, fov_mm: tf.Tensor) ->
     return paper.crease_depth * 2 * distance * tf.exp(-distance * distance)
 
 
-def extent(
-    paper: Paper, leaf_low: tf.Tensor, leaf_high: tf.Tensor, *, inset_mm: tf.Tensor | float = 0.0
-) -> tuple[tf.Tensor, tf.Tensor]:
-    """Corners [2] of the sheet, or of a rectangle `inset_mm` within it, around the leaf's bounding box."""
-    low = leaf_low - tf.stack([paper.left, paper.top]) + inset_mm
-    return low, leaf_high + tf.stack([paper.right, paper.bottom]) - inset_mm
-
-
-def inside(
-    low: tf.Tensor, high: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor, px_per_mm: tf.Tensor
-) -> tuple[tf.Tensor, tf.Tensor]:
-    """Coverage [H, W] by the rectangle low..high, and the distance to its nearest side, mm (outside: < 0)."""
-    across = tf.minimum(x_mm - low[0], high[0] - x_mm)
-    distance = tf.minimum(across, tf.minimum(y_mm - low[1], high[1] - y_mm))
-    return tf.clip_by_value(distance * px_per_mm + 0.5, 0, 1), distance
+def margin(paper: Paper, leaf: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
+    """Distance [H, W] in mm from the sheet's nearest side, negative off the sheet, which holds `leaf` [n, 2]."""
+    low = tf.reduce_min(leaf, axis=0) - tf.stack([paper.left, paper.top])
+    high = tf.reduce_max(leaf, axis=0) + tf.stack([paper.right, paper.bottom])
+    middle, half = (low + high) / 2, (high - low) / 2
+    return tf.minimum(half[0] - tf.abs(x_mm - middle[0]), half[1] - tf.abs(y_mm - middle[1]))
 
 
 def tint(hue: tf.Tensor, saturation: tf.Tensor) -> tf.Tensor:
@@ -186,10 +182,9 @@ def ink_absorbances(paper: Paper) -> tuple[tf.Tensor, tf.Tensor]:
     return fine[:, None, None], tf.minimum(heavy * paper.heavy_darkness, 1)[:, None, None]
 
 
-def _cell(position_mm: tf.Tensor, side: int) -> tf.Tensor:
-    """Whole float cell 0..side - 1 of a position within its period."""
+def _turns(position_mm: tf.Tensor) -> tf.Tensor:
     turns = position_mm * (1 / PERIOD_MM)
-    return tf.minimum(tf.floor((turns - tf.floor(turns)) * side), side - 1)
+    return turns - tf.floor(turns)
 
 
 def _sinc(x: tf.Tensor) -> tf.Tensor:

@@ -8,11 +8,13 @@ line between them proves that it never covers the leaf. A prop that a scene lack
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import camera, paper, raster, veins
+from laesi_tf.synthesis.frame import Size, Window, window
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -52,7 +54,7 @@ class Stage:
 
     leaf: tf.Tensor
     view: camera.View
-    size: tuple[int, int]
+    size: Size
 
 
 def place(shape: tf.Tensor, stage: Stage, direction: tf.Tensor, turn: tf.Tensor, gap_mm: tf.Tensor) -> tf.Tensor:
@@ -65,21 +67,41 @@ def place(shape: tf.Tensor, stage: Stage, direction: tf.Tensor, turn: tf.Tensor,
     return turned + away * (support + own + gap_mm)
 
 
-def _cover(points: tf.Tensor, stage: Stage, perimeter_mm: float) -> tf.Tensor:
-    """Coverage [1, H, W] of the closed polygon `points` [n, 2] in sheet mm, at most `perimeter_mm` around."""
+class Item(NamedTuple):
+    """One flat shape of a prop: its polygon [n, 2] in sheet mm, colour [3, 1, 1] and opacity.
+
+    `perimeter_mm` bounds its length around: the number of points it is filled with.
+    """
+
+    points: tf.Tensor
+    colour: tf.Tensor
+    perimeter_mm: float
+    opacity: float = 1.0
+
+
+def _lay(image: tf.Tensor, items: list[Item], stage: Stage, *, thickness_mm: float = 0.0) -> tf.Tensor:
+    """Lay `items`, the first the lowest and largest, over [3, H, W], within the window that the first covers.
+
+    A `thickness_mm` gives the first a narrow shadow on the sheet.
+    """
+    first = camera.project(stage.view.to_px, items[0].points)
+    reach = thickness_mm * stage.view.px_per_mm + 1
+    place = window(tf.reduce_min(first, axis=0), tf.reduce_max(first, axis=0) + reach, stage.size)
+    before = place.cut(image)
+    part = before
+    if thickness_mm:
+        part *= 1 - 0.25 * _cover(items[0].points + thickness_mm, items[0].perimeter_mm, stage, place)
+    for item in items:
+        cover = item.opacity * _cover(item.points, item.perimeter_mm, stage, place)
+        part += cover * (item.colour - part)
+    return image + place.paste(part - before, stage.size)
+
+
+def _cover(points: tf.Tensor, perimeter_mm: float, stage: Stage, place: Window) -> tf.Tensor:
+    """Coverage [h, w] of the closed polygon `points` [n, 2] (sheet mm) in the window `place`."""
     count = math.ceil(perimeter_mm * max(stage.size) / 70)
     fine = raster.resample(camera.project(stage.view.to_px, points), count)
-    return raster.shape(fine, stage.size)[None]
-
-
-def _paste(image: tf.Tensor, cover: tf.Tensor, colour: tf.Tensor) -> tf.Tensor:
-    return image + cover * (colour - image)
-
-
-def _lie(image: tf.Tensor, points: tf.Tensor, stage: Stage, colour: tf.Tensor, perimeter_mm: float) -> tf.Tensor:
-    """Paste a flat object over [3, H, W] with the narrow shadow of its edge."""
-    shade = _cover(points + 0.5, stage, perimeter_mm)
-    return _paste(image * (1 - 0.25 * shade), _cover(points, stage, perimeter_mm), colour)
+    return raster.shape(fine - place.corner, place.frame)
 
 
 def fragment(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
@@ -91,7 +113,7 @@ def fragment(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) ->
     scale = props.fragment_mm / 2 * tf.stack([1.0, props.fragment_aspect])
     points = place(ragged * scale, stage, props.direction, props.turn, props.gap_mm)
     colour = paper.tint(props.hue, props.saturation * 0.15)[:, None, None] * (0.8 + 0.18 * random[20])
-    return _lie(image, points, stage, colour, 180)
+    return _lay(image, [Item(points, colour, 180)], stage, thickness_mm=0.5)
 
 
 def label(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
@@ -106,17 +128,15 @@ def label(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf
     direction = props.direction + 2.0
     points = place(shapes, stage, direction, tf.round(props.turn * 2 / math.pi) * (math.pi / 2) + 0.1 * random[70], props.gap_mm)
     colour = paper.tint(props.hue, props.saturation * 0.1)[:, None, None] * 0.95
-    image = _lie(image, points[:4], stage, colour, 170)
-    first, second = tf.split(points[4:], 2)
-    cover = _cover(first, stage, 260) + _cover(second, stage, 260)
-    return _paste(image, cover, _ink(props))
+    words = [Item(word, _ink(props), 260) for word in tf.split(points[4:], 2)]
+    return _lay(image, [Item(points[:4], colour, 170), *words], stage, thickness_mm=0.5)
 
 
 def handwriting(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
     """A word written on the sheet itself, over [3, H, W]."""
     word = scribble(random[:32], props.handwriting_mm, props.handwriting_mm * props.handwriting_height / 2, props)
     points = place(word, stage, props.direction + 4.0, props.turn * 0.15, props.gap_mm)
-    return _paste(image, 0.85 * _cover(points, stage, 320), _ink(props))
+    return _lay(image, [Item(points, _ink(props), 320, opacity=0.85)], stage)
 
 
 def pen(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
@@ -127,8 +147,8 @@ def pen(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.T
     back = place(profile * scale * [0.94, 0.22], stage, props.direction + 1.0, props.turn, props.gap_mm)
     back += (points[0] + points[6]) / 2 - (back[0] + back[6]) / 2
     colour = paper.tint(props.hue, props.saturation)[:, None, None] * (0.1 + 0.7 * random[0])
-    image = _lie(image, points, stage, colour, 340)
-    return _paste(image, 0.35 * _cover(back, stage, 340), tf.ones([3, 1, 1]))
+    shine = Item(back, tf.ones([3, 1, 1]), 340, opacity=0.35)
+    return _lay(image, [Item(points, colour, 340), shine], stage, thickness_mm=1.0)
 
 
 def coin(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
@@ -138,8 +158,8 @@ def coin(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.
     points = place(circle, stage, props.direction + 3.0, props.turn, props.gap_mm)
     centre = tf.reduce_mean(points, axis=0)
     metal = tf.stack([0.62 + 0.2 * random[0], 0.6 + 0.15 * random[0], 0.55 - 0.15 * random[1]])[:, None, None]
-    image = _lie(image, points, stage, metal, 90)
-    return _paste(image, 0.3 * _cover(centre + (points - centre) * 0.85, stage, 90), metal * 0.6)
+    face = Item(centre + (points - centre) * 0.85, metal * 0.6, 90, opacity=0.3)
+    return _lay(image, [Item(points, metal, 90), face], stage, thickness_mm=0.7)
 
 
 def scribble(random: tf.Tensor, length_mm: tf.Tensor, height_mm: tf.Tensor, props: Props) -> tf.Tensor:

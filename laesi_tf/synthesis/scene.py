@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import tensorflow as tf
 
-from laesi_tf.synthesis import camera, desk, light, noise, paper, props, raster, surface, veins
+from laesi_tf.synthesis import camera, desk, light, paper, props, raster, surface, veins
 from laesi_tf.synthesis import leaf as leaves
 from laesi_tf.synthesis.camera import Camera, View
 from laesi_tf.synthesis.desk import Desk
+from laesi_tf.synthesis.frame import Size, Window, window
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.leaf import Leaf
 from laesi_tf.synthesis.light import Light
@@ -18,8 +19,6 @@ from laesi_tf.synthesis.paper import Paper
 from laesi_tf.synthesis.props import Props
 from laesi_tf.synthesis.ranges import count, draw, draw_one_of
 from laesi_tf.synthesis.surface import Surface
-
-Size = tuple[int, int]
 
 COMPONENTS = (
     "ruling",
@@ -29,7 +28,9 @@ COMPONENTS = (
     *props.PROPS,
     "shadow",
     "surface",
+    "browned_margin",
     "spots",
+    "undulation",
     "veins",
     "relief",
     "illumination",
@@ -115,7 +116,7 @@ class Pose(NamedTuple):
     def apply(self, points: tf.Tensor) -> tf.Tensor:
         """Leaf coordinates [..., 2] to sheet coordinates [..., 2]."""
         flat = tf.linalg.matmul(tf.reshape(points, [-1, 2]), self.turn, transpose_b=True) + self.shift
-        return tf.reshape(flat, points.shape)
+        return tf.reshape(flat, tf.shape(points))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,15 +148,14 @@ def geometry(scene: Scene, size: Size) -> Geometry:
     )
 
 
-def leaf_coverage(place: Geometry, size: Size) -> tf.Tensor:
-    """Coverage [H, W] in [0, 1] of the leaf, holes open."""
+def leaf_edges(place: Geometry, size: Size) -> tf.Tensor:
+    """Edges [n, 2 ends, 2] of the leaf and its holes in pixels."""
     pieces = math.ceil(max(size) / 256)
-    polygons = (place.outline, place.holes)
-    edges = [
-        tf.reshape(raster.segments(raster.subdivide(camera.project(place.view.to_px, points), pieces)), [-1, 2, 2])
-        for points in polygons
+    polygons = [
+        raster.subdivide(camera.project(place.view.to_px, points), pieces)
+        for points in (place.outline, place.holes)
     ]
-    return tf.clip_by_value(tf.abs(raster.fill(tf.concat(edges, axis=0), size)), 0, 1)
+    return tf.concat([tf.reshape(raster.segments(points), [-1, 2, 2]) for points in polygons], axis=0)
 
 
 def render(
@@ -167,17 +167,23 @@ def render(
     centroid) and `tilt_deg` float32 [], and `to_px` float32 [3, 3], sheet mm to pixels.
     """
     place = geometry(scene, size)
-    coverage = leaf_coverage(place, size)
+    edges = leaf_edges(place, size)
+    corners = tf.reshape(edges, [-1, 2])
+    leaf_window = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0), size)
+    filled = raster.fill(edges - leaf_window.corner, leaf_window.frame)
+    inner_coverage = tf.clip_by_value(tf.abs(filled), 0, 1)
+    coverage = leaf_window.paste(inner_coverage, size)
     image = _sheet(scene, place, size, ranges)
     if ranges.has("shadow"):
-        image *= light.shadow(_pool(coverage), scene.light, size, place.view.px_per_mm)
-    blade = _blade(scene, place, coverage, ranges, textures)
-    image = _photograph(image + coverage * (blade - image), scene, place, ranges)
+        image *= light.shadow(coverage, scene.light, size, place.view.px_per_mm)
+    blade = _blade(scene, place, inner_coverage, leaf_window, ranges, textures)
+    image += leaf_window.paste(inner_coverage * (blade - leaf_window.cut(image)), size)
+    image = _photograph(image, scene, place, ranges)
     # Transposing floats and then casting is three times faster than transposing bytes.
     pixels = tf.transpose(tf.clip_by_value(image * 255 + 0.5, 0, 255), [1, 2, 0])
     return {
         "image": tf.cast(pixels, tf.uint8),
-        "mask": tf.cast(coverage >= 0.5, tf.uint8),
+        "mask": tf.cast(coverage + 0.5, tf.uint8),
         "area_cm2": place.area_cm2,
         "px_per_mm": place.view.px_per_mm,
         "tilt_deg": scene.camera.tilt_deg * tf.cast(scene.camera.tilted, tf.float32),
@@ -189,68 +195,72 @@ def _sheet(scene: Scene, place: Geometry, size: Size, ranges: Ranges) -> tf.Tens
     """The sheet on its desk with everything that lies on it but the leaf: [3, H, W]."""
     x, y = camera.sheet_coordinates(place.view.to_px, size)
     view, sheet = place.view, scene.paper
-    inks, shade = tf.ones([3, *size]), tf.ones(size)
-    if ranges.has("ruling"):
-        inks = paper.ruling(sheet, x, y, paper.samples_per_mm(size), 1 / view.px_per_mm)
+    strength, shade = tf.ones(size), tf.ones(size)
     if ranges.has("paper_noise"):
         blend, strength = paper.wear(sheet, scene.key, size)
-        inks, shade = 1 - (1 - inks) * strength, 1 + blend
+        shade += blend
     if ranges.has("crease"):
-        shade += tf.cond(
-            sheet.creased, lambda: paper.crease(sheet, x, y, view.fov_mm), lambda: tf.zeros_like(x)
-        )
-    image = paper.colour(sheet) * inks * shade
-    if ranges.has("desk"):
-        image = tf.cond(sheet.edged, lambda: _on_desk(image, inks, scene, place, (x, y)), lambda: image)
+        shade = tf.cond(sheet.creased, lambda: shade + paper.crease(sheet, x, y, view.fov_mm), lambda: shade)
+    bare = paper.colour(sheet) * shade
+    inks = tf.zeros([3, 1, 1])
+    if ranges.has("ruling"):
+        inks = paper.ruling(sheet, x, y, paper.samples_per_mm(size), 1 / view.px_per_mm)
+
+    def on_desk() -> tf.Tensor:
+        distance = paper.margin(sheet, place.outline, x, y)
+        printed = tf.clip_by_value((distance - sheet.border_mm) * view.px_per_mm + 0.5, 0, 1)
+        on_sheet = tf.clip_by_value(distance * view.px_per_mm + 0.5, 0, 1)
+        table = desk.desk(scene.desk, scene.key, distance)
+        return table + on_sheet * (bare * (1 - (strength * printed) * inks) - table)
+
+    def filling() -> tf.Tensor:
+        return bare * (1 - strength * inks)
+
+    image = tf.cond(sheet.edged, on_desk, filling) if ranges.has("desk") else filling()
     stage = props.Stage(leaf=place.outline, view=view, size=size)
     return props.scatter(image, scene.props, stage, scene.key, [name for name in props.PROPS if ranges.has(name)])
 
 
-def _on_desk(
-    image: tf.Tensor, inks: tf.Tensor, scene: Scene, place: Geometry, position: tuple[tf.Tensor, tf.Tensor]
-) -> tf.Tensor:
-    """Cut the sheet's picture [3, H, W] to its rectangle, with an unprinted border, and lay it on the desk."""
-    scale = place.view.px_per_mm
-    box = tf.reduce_min(place.outline, axis=0), tf.reduce_max(place.outline, axis=0)
-    printed, _ = paper.inside(*paper.extent(scene.paper, *box, inset_mm=scene.paper.border_mm), *position, scale)
-    on_sheet, distance = paper.inside(*paper.extent(scene.paper, *box), *position, scale)
-    image = image / tf.maximum(inks, 0.05) * (1 - printed) + image * printed
-    table = desk.desk(scene.desk, scene.key, (image.shape[1], image.shape[2]))
-    table *= desk.beside_sheet(scene.desk, distance)
-    return table + on_sheet * (image - table)
-
-
 def _blade(
-    scene: Scene, place: Geometry, coverage: tf.Tensor, ranges: Ranges, textures: tf.Tensor | None
+    scene: Scene,
+    place: Geometry,
+    coverage: tf.Tensor,
+    leaf_window: Window,
+    ranges: Ranges,
+    textures: tf.Tensor | None,
 ) -> tf.Tensor:
-    """The lit leaf as if it filled the picture: [3, H, W]."""
-    size, scale, skin = (coverage.shape[0], coverage.shape[1]), place.view.px_per_mm, scene.surface
+    """The lit leaf as if it filled the window that it lies in: [3, h, w]."""
+    frame, scale, skin = leaf_window.frame, place.view.px_per_mm, scene.surface
     if not ranges.has("surface"):
-        return surface.base_colours(skin)[0] * tf.ones([3, *size])
-    texture = None if textures is None else surface.photographed(textures, scene.key, size)
-    colour = surface.blade(skin, scene.key, size, texture)
-    colour = surface.browned_margin(colour, skin, light.soften(_pool(coverage), size, 3.0 * scale))
+        return surface.base_colours(skin)[0] * tf.ones_like(coverage)
+    texture = None if textures is None else surface.photographed(textures, scene.key, frame)
+    colour = surface.blade(skin, scene.key, frame, texture)
+    if ranges.has("browned_margin"):
+        colour = tf.cond(
+            skin.margin_browned,
+            lambda: surface.browned_margin(colour, skin, light.soften(coverage, frame, 3.0 * scale)),
+            lambda: colour,
+        )
     if ranges.has("spots"):
-        colour = surface.spots(colour, skin, scene.key)
-    height = surface.undulation(skin, scene.key, size)
+        colour = surface.spots(colour, skin, scene.key, frame)
+    height = tf.zeros_like(coverage)
+    if ranges.has("undulation"):
+        height += surface.undulation(skin, scene.key, frame)
     if ranges.has("veins"):
-        ridges = _veins(scene, place, size)
+        ridges = _veins(scene, place, leaf_window)
         colour = surface.vein_tint(colour, skin, ridges)
-        furrows = light.soften(_pool(ridges), size, 1.2 * scale)
-        height += 0.12 * ridges - 1.6 * skin.quilting * furrows
+        height += 0.12 * ridges - 1.6 * skin.quilting * light.soften(ridges, frame, 1.2 * scale)
     if ranges.has("relief"):
         colour = light.relief(colour, surface.normals(height, scale), scene.light)
     return colour
 
 
-def _veins(scene: Scene, place: Geometry, size: Size) -> tf.Tensor:
-    """Height map H [H, W] of the veins."""
+def _veins(scene: Scene, place: Geometry, leaf_window: Window) -> tf.Tensor:
+    """Height map H [h, w] of the veins in the leaf's window."""
     edges = veins.edges(scene.leaf, scene.key, scene.surface.vein_jitter, scene.surface.vein_width_mm)
-    pixels = camera.project(place.view.to_px, place.pose.apply(edges))
-    pieces = math.ceil(max(size) / 28)
-    fraction = tf.linspace(0.0, 1.0, pieces + 1)[:, None]
-    steps = pixels[:, :1] * (1 - fraction) + pixels[:, 1:] * fraction
-    return veins.height(raster.fill(tf.reshape(tf.stack([steps[:, :-1], steps[:, 1:]], 2), [-1, 2, 2]), size))
+    pixels = camera.project(place.view.to_px, place.pose.apply(edges)) - leaf_window.corner
+    pieces = math.ceil(leaf_window.frame.longest / 28)
+    return veins.height(raster.fill(raster.subdivide_edges(pixels, pieces), leaf_window.frame))
 
 
 def _photograph(image: tf.Tensor, scene: Scene, place: Geometry, ranges: Ranges) -> tf.Tensor:
@@ -269,8 +279,3 @@ def _photograph(image: tf.Tensor, scene: Scene, place: Geometry, ranges: Ranges)
     if ranges.has("chroma_softness"):
         image = camera.chroma_softness(image, scene.camera)
     return image
-
-
-def _pool(coverage: tf.Tensor) -> tf.Tensor:
-    """Mean of [H, W] over blocks of four pixels: enough for anything that is blurred next."""
-    return tf.nn.avg_pool2d(coverage[None, ..., None], 4, 4, "SAME")[0, ..., 0]

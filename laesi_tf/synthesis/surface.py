@@ -10,6 +10,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.frame import Frame
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -54,17 +55,19 @@ class Surface:
     undulation: Number = (0.0, 1.0)
     undulation_cells: Number = (3, 8)
     mottle: Number = (0.0, 0.16)
-    mottle_cells: Number = (24, 60)
-    margin_browning: Number = (0.0, 0.5)
+    mottle_cells: Number = (20, 56)
+    margin_browned: Number = Chance(0.25)
+    margin_depth: Number = (0.1, 0.6)
     spotted: Number = Chance(0.35)
-    spot_cells: Number = (12, 60)
+    spot_cells: Number = (12, 56)
     spot_threshold: Number = (0.45, 0.85)
     spot_season: Number = (0.55, 1.0)
     texture_share: Number = (0.4, 1.0)
     """Share of a photographed texture in C1, where the user names a folder of them."""
 
 
-_LATTICE = 62
+_BLEND_NODES = 16
+_FINE_NODES = 60
 
 
 def base_colours(surface: Surface) -> tuple[tf.Tensor, tf.Tensor]:
@@ -83,37 +86,38 @@ def palette(season: tf.Tensor) -> tf.Tensor:
     return tf.linalg.matvec(tf.constant(PALETTE), weights, transpose_a=True)[:, None, None]
 
 
-def blade(surface: Surface, key: Key, size: tuple[int, int], texture: tf.Tensor | None) -> tf.Tensor:
+def blade(surface: Surface, key: Key, frame: Frame, texture: tf.Tensor | None) -> tf.Tensor:
     """The texture T [3, H, W] before veins: C1 and C2 blended by gradient noise, with fine mottling.
 
     `texture` [3, H, W] in [0, 1], where given, is a photograph's relief around mean 1 that C1 is multiplied by.
     """
-    lattices = key.uniform([3, _LATTICE, _LATTICE], Purpose.SURFACE)
+    gradients = key.uniform([2, _BLEND_NODES, _BLEND_NODES], Purpose.SURFACE)
+    fine = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.MOTTLE)
     first, second = base_colours(surface)
-    blended = noise.gradient(lattices[:2] * 2 - 1, size, cells=surface.blend_cells)
+    blended = noise.gradient(gradients * 2 - 1, frame, cells=surface.blend_cells)
     share = tf.clip_by_value(0.5 + surface.blend_sharpness * blended, 0, 1)
-    mottle = 1 + surface.mottle * noise.simple(lattices[2], size, cells=surface.mottle_cells)
+    mottle = 1 + surface.mottle * noise.simple(fine, frame, cells=surface.mottle_cells)
     if texture is not None:
         first = first * (1 + surface.texture_share * (texture - 1))
     return (first + share * (second - first)) * mottle
 
 
-def spots(colour: tf.Tensor, surface: Surface, key: Key) -> tf.Tensor:
+def spots(colour: tf.Tensor, surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
     """Brown spots and patches on [3, H, W], where the leaf has them."""
 
     def stain() -> tf.Tensor:
-        size = (colour.shape[1], colour.shape[2])
-        field = noise.simple(key.uniform([_LATTICE, _LATTICE], Purpose.SPOTS), size, cells=surface.spot_cells)
+        lattice = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.SPOTS)
+        field = noise.simple(lattice, frame, cells=surface.spot_cells)
         cover = tf.clip_by_value((field - surface.spot_threshold) * 8, 0, 0.9)
         return colour + cover * (palette(surface.spot_season) - colour)
 
     return tf.cond(surface.spotted, stain, lambda: colour)
 
 
-def undulation(surface: Surface, key: Key, size: tuple[int, int]) -> tf.Tensor:
+def undulation(surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
     """Voronoi displacement of the blade's height [H, W], about [-1, 1] (paper: vertex displacement)."""
     jitter = key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.SURFACE_VORONOI)
-    return surface.undulation * noise.voronoi(jitter, size, cells=surface.undulation_cells)
+    return surface.undulation * noise.voronoi(jitter, frame, cells=surface.undulation_cells)
 
 
 def normals(height_mm: tf.Tensor, px_per_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
@@ -125,24 +129,23 @@ def normals(height_mm: tf.Tensor, px_per_mm: tf.Tensor) -> tuple[tf.Tensor, tf.T
 
 def vein_tint(colour: tf.Tensor, surface: Surface, coverage: tf.Tensor) -> tf.Tensor:
     """Lighten or darken [3, H, W] where veins V_e [H, W] run."""
-    pale = tf.constant([0.72, 0.74, 0.45])[:, None, None]
-    lighter = tf.maximum(surface.vein_contrast, 0) * coverage
-    darker = tf.maximum(-surface.vein_contrast, 0) * coverage
-    return (colour + lighter * (pale - colour)) * (1 - darker)
+    pale = tf.where(surface.vein_contrast > 0, tf.constant([0.72, 0.74, 0.45]), 0.0)[:, None, None]
+    return colour + tf.abs(surface.vein_contrast) * coverage * (pale - colour)
 
 
 def browned_margin(colour: tf.Tensor, surface: Surface, inwardness: tf.Tensor) -> tf.Tensor:
     """Brown [3, H, W] towards the margin; `inwardness` [H, W] is the softened coverage, about 0.5 there."""
-    edge = surface.margin_browning * tf.clip_by_value(2 - 2 * inwardness, 0, 1)
-    return colour + edge * edge * (palette(tf.constant(0.8)) - colour)
+    edge = tf.clip_by_value(2 - 2 * inwardness, 0, 1)
+    return colour + surface.margin_depth * edge * edge * (palette(tf.constant(0.8)) - colour)
 
 
-def photographed(textures: tf.Tensor, key: Key, size: tuple[int, int]) -> tf.Tensor:
+def photographed(textures: tf.Tensor, key: Key, frame: Frame) -> tf.Tensor:
     """Relief [3, H, W] around mean 1 from one of `textures` [N, T, T, 3], a random square of it."""
     random = key.uniform([4], Purpose.TEXTURE)
     count, side = tf.shape(textures)[0], textures.shape[1]
     chosen = textures[tf.cast(random[0] * tf.cast(count, tf.float32), tf.int32)]
     crop = tf.cast((0.5 + 0.5 * random[1]) * side, tf.int32)
     corner = tf.cast(random[2:] * tf.cast(side - crop, tf.float32), tf.int32)
-    square = tf.image.resize(chosen[corner[0] : corner[0] + crop, corner[1] : corner[1] + crop], size)
+    window = [frame.height, frame.width]
+    square = tf.image.resize(chosen[corner[0] : corner[0] + crop, corner[1] : corner[1] + crop], window)
     return tf.transpose(square, [2, 0, 1])

@@ -40,9 +40,10 @@ def ribbons(paths: tf.Tensor, widths: tf.Tensor) -> tf.Tensor:
 
 
 def secondary_paths(leaf: Leaf, key: Key, jitter: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Paths [2, SECONDARIES, STEPS + 1, 2] mm of the secondary veins, and 1 or 0 for each that exists."""
-    random = key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)
-    rank = (tf.range(SECONDARIES, dtype=tf.float32) + 0.6) / leaf.veins
+    """Paths [2, n, STEPS + 1, 2] mm of the secondary veins that the leaf has, and 1 for each, 0 past the tip."""
+    number = tf.minimum(tf.cast(leaf.veins * 1.05 + 1, tf.int32), SECONDARIES)
+    random = key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)[:, :number]
+    rank = (tf.cast(tf.range(number), tf.float32) + 0.6) / leaf.veins
     along = rank * 0.93 + 0.012 * random[..., 0]
     exists = tf.cast(along < 0.95, tf.float32)
     start, tangent = midrib(leaf, along * leaf.length_mm)
@@ -50,9 +51,8 @@ def secondary_paths(leaf: Leaf, key: Key, jitter: tf.Tensor) -> tuple[tf.Tensor,
     side = tf.constant([-1.0, 1.0])[:, None]
     angle = leaf.vein_angle * (1.15 - 0.4 * along) + 0.06 * random[..., 1]
     length = leaf.length_mm * leaf.aspect * (0.75 - 0.45 * along * along)
-    steps = tf.broadcast_to((length / STEPS)[..., None], [2, SECONDARIES, STEPS])
-    brownian = jitter * random[..., 2:]
-    turns = side[..., None] * (brownian - 0.035)
+    steps = tf.repeat((length / STEPS)[..., None], STEPS, axis=-1)
+    turns = side[..., None] * (jitter * random[..., 2:] - 0.035)
     return turtle(start, forward + side * angle, turns, steps), exists
 
 
