@@ -60,10 +60,9 @@ class TrainConfig:
         choices=("auto", *area.LOSSES, *segmentation.LOSSES),
     )
     batch_norm: str = _field(
-        "auto",
-        "pretrained statistics: frozen, or recalibrated on training pictures before every validation; "
-        "auto: frozen for pretrained weights, recalibrated from scratch",
-        choices=("auto", "frozen", "recalibrated"),
+        "recalibrated",
+        "statistics recalibrated on training pictures before every validation, or frozen as pretrained",
+        choices=("recalibrated", "frozen"),
     )
     ranges: str = _field("rendering_2", "scenes: a preset's name or the PATH of a TOML file of ranges")
     lighting_passes: int = _field(1, "pictures of the same leaf in different light", low=1, high=64)

@@ -38,7 +38,8 @@ def exponential(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf
 
 def linear(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
     """Falls by the same amount every step, from `peak` to `final`."""
-    return peak + (final - peak) * _progress(step, steps)
+    progress = _progress(step, steps)
+    return (1.0 - progress) * peak + progress * final
 
 
 def cosine(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from laesi_tf.cli import parser, run
 from laesi_tf.config import TrainConfig, add_flags, from_mapping, load
-from laesi_tf.files import write_json
+from laesi_tf.files import require_writable, write_json
 from laesi_tf.runs import REPORT
 from laesi_tf.training import Result, fit
 
@@ -24,6 +24,8 @@ def main(arguments: Sequence[str]) -> None:
     given = vars(command.parse_args(arguments))
     path, out, figures = (given.pop(name) for name in ("config", "out", "json"))
     config = load(path, **given) if path else from_mapping(given)
+    if figures:
+        require_writable(figures)
     result = fit(config, out or Path("runs") / config.task)
     print(_summary(result, config))
     if figures:

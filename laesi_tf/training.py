@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import keras
 import numpy as np
@@ -20,6 +20,7 @@ import tensorflow as tf
 from laesi_tf import report, runs
 from laesi_tf.cli import progress as progress_bar
 from laesi_tf.config import TrainConfig
+from laesi_tf.data import synthetic
 from laesi_tf.errors import InputError
 from laesi_tf.files import whole, write_json
 from laesi_tf.models import batch_norm
@@ -35,7 +36,9 @@ Batches = Iterable[tuple[tf.Tensor, tf.Tensor]]
 # From the index of the first picture to an endless stream of batches.
 Stream = Callable[[int], Batches]
 
-_CALIBRATION_BATCHES = 16
+# Batch normalisation is recalibrated on this many pictures. The larger their batches, the nearer a pass in
+# training mode is to one in inference mode, and the more memory it takes.
+_CALIBRATION_PICTURES, _CALIBRATION_BATCH = 512, 64
 _VALIDATION_SEED = 0
 
 
@@ -101,8 +104,8 @@ def build(config: TrainConfig, *, origin: str | None = None) -> tuple[keras.Mode
     base, found = backbone(config.backbone, size=config.size, alpha=config.alpha, weights=weights)
     origin = origin or found
     if config.batch_norm == "frozen" and origin == FROM_SCRATCH:
-        raise InputError("batch_norm frozen needs pretrained weights; choose auto or recalibrated")
-    if config.batch_norm == "frozen" or (config.batch_norm == "auto" and origin != FROM_SCRATCH):
+        raise InputError("batch_norm frozen needs pretrained weights; choose recalibrated")
+    if config.batch_norm == "frozen":
         batch_norm.freeze(base)
     return task(config).build(base), origin
 
@@ -151,7 +154,8 @@ class _Fitting:
                 if step % self.config.checkpoint_every == 0 or self.finished:
                     self._save()
         except KeyboardInterrupt:
-            self._save()
+            if int(self.optimizer.iterations) == self.progress.step:  # not in the middle of a step
+                self._save()
             raise
         finally:
             writer.close()
@@ -234,7 +238,13 @@ class _Fitting:
         runs.save_state(self.out, self.progress, [*self.model.variables, *self.optimizer.variables])
 
     def _calibration(self) -> list[tf.Tensor]:
-        return [images for images, _ in itertools.islice(self.stream(0), _CALIBRATION_BATCHES)]
+        count = -(-_CALIBRATION_PICTURES // self.config.batch_size)
+        batches = [images for images, _ in itertools.islice(self.stream(0), count)]
+        pictures = tf.concat(batches, axis=0)[:_CALIBRATION_PICTURES]
+        return [
+            pictures[first : first + _CALIBRATION_BATCH]
+            for first in range(0, len(pictures), _CALIBRATION_BATCH)
+        ]
 
     def _diverged(self, what: str) -> Diverged:
         step = self.progress.step
@@ -303,23 +313,17 @@ def _picture(
 
 
 def _synthetic_training(config: TrainConfig) -> Stream:
-    from laesi_tf.data import synthetic
-
     return lambda start: _synthetic(config, config.seed, synthetic.TRAIN[0] + start, None)
 
 
 def _synthetic_validation(config: TrainConfig) -> Batches:
-    from laesi_tf.data import synthetic
-
     # One seed for all runs: their scores compare. The range of indices keeps it apart from training.
     return _synthetic(config, _VALIDATION_SEED, synthetic.VALIDATION[0], config.validation_pictures)
 
 
 def _synthetic(config: TrainConfig, seed: int, start: int, count: int | None) -> Batches:
-    from laesi_tf.data import synthetic
-
     return synthetic.batches(
-        task=config.task,
+        task=cast(synthetic.Task, config.task),
         batch_size=config.batch_size,
         seed=seed,
         size=config.size,

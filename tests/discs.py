@@ -1,4 +1,4 @@
-"""Stand-in scenes that a network learns in seconds: a disc on paper, its area known. For tests of training only."""
+"""Stand-in scenes that a network learns in seconds: a disc on paper, its area known."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,9 @@ import numpy as np
 import tensorflow as tf
 
 
-def stream(*, task: str, batch_size: int, size: int, start: int = 0, count: int | None = None) -> tf.data.Dataset:
+def stream(
+    *, task: str, batch_size: int, size: int, start: int = 0, count: int | None = None
+) -> tf.data.Dataset:
     """Batches as `laesi_tf.data.synthetic.batches` makes them; picture i depends on i alone."""
 
     def pictures() -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -28,5 +30,5 @@ def disc(index: int, size: int) -> tuple[np.ndarray, np.ndarray]:
     across, down = random.uniform(radius, size - radius, 2)
     rows, columns = np.mgrid[:size, :size] + 0.5
     mask = ((rows - down) ** 2 + (columns - across) ** 2 < radius**2).astype(np.uint8)
-    image = np.where(mask[..., None] > 0, (40, 110, 30), (225, 225, 220)) + random.normal(0, 8, (size, size, 3))
-    return np.clip(image, 0, 255).astype(np.uint8), mask
+    image = np.where(mask[..., None] > 0, (40, 110, 30), (225, 225, 220))
+    return np.clip(image + random.normal(0, 8, image.shape), 0, 255).astype(np.uint8), mask

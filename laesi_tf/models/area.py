@@ -31,7 +31,7 @@ def area_model(base: keras.Model, *, transform: str) -> keras.Model:
     output = keras.layers.Rescaling(
         relative_unit(transform), offset=_typical(transform), name="transformed_area"
     )(deviation)
-    return keras.Model(base.inputs, output, name="area")
+    return keras.Model(base.input, output, name="area")
 
 
 def to_target(area_cm2: tf.Tensor, transform: str) -> tf.Tensor:

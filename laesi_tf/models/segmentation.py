@@ -33,7 +33,7 @@ def mask_model(base: keras.Model) -> keras.Model:
         ]
     )
     output = keras.layers.Activation("sigmoid", name="leaf")(_resized(logits, size, "to_input"))
-    return keras.Model(base.inputs, output, name="mask")
+    return keras.Model(base.input, output, name="mask")
 
 
 def mask_loss(output: tf.Tensor, mask: tf.Tensor, *, loss: str) -> tf.Tensor:

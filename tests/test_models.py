@@ -1,0 +1,195 @@
+import keras
+import numpy as np
+import pytest
+import tensorflow as tf
+
+from laesi_tf.errors import InputError
+from laesi_tf.models import area, batch_norm, segmentation
+from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, backbone, deepest_at
+
+SIZE = (64, 96)
+
+
+def small(*, size=SIZE, alpha=0.35, weights="none", kind="small"):
+    return backbone(kind, size=size, alpha=alpha, weights=weights)[0]
+
+
+def images(count=4, *, size=SIZE, seed=0):
+    return np.random.default_rng(seed).integers(0, 256, (count, *size, 3)).astype(np.uint8)
+
+
+@pytest.fixture
+def offline(monkeypatch):
+    def refuse(*_, **__):
+        raise Exception("URL fetch failure on https://example.org/weights.h5: None -- [Errno -2] unknown")
+
+    monkeypatch.setattr("keras.src.utils.file_utils.get_file", refuse)
+
+
+@pytest.mark.parametrize("kind", sorted(BACKBONES))
+def test_features_are_taken_where_a_stride_ends(kind):
+    base = small(kind=kind)
+    for stride in (2, 4, 8, 16):
+        feature = deepest_at(base, stride)
+        assert feature.shape[1:3] == (64 // stride, 96 // stride)
+        position = [layer.output is feature for layer in base.layers].index(True)
+        after = base.layers[position + 2].output.shape[1]  # the padding, then the strided convolution
+        assert after == 64 // stride // 2
+    assert base.output.shape[1:3] == (2, 3)
+
+
+@pytest.mark.parametrize("size", [(32, 32), (33, 50), (64, 47)])
+@pytest.mark.parametrize("task", ["area", "mask"])
+def test_any_side_from_32_bytes_or_floats(size, task):
+    base = small(size=size)
+    model = area.area_model(base, transform="log") if task == "area" else segmentation.mask_model(base)
+    pictures = images(2, size=size)
+    output = model(pictures, training=False).numpy()
+    assert output.shape == ((2, 1) if task == "area" else (2, *size, 1))
+    np.testing.assert_allclose(output, model(pictures.astype(np.float32), training=False), atol=1e-6)
+    assert np.isfinite(output).all()
+
+
+def test_masks_are_probabilities_and_saved_models_are_plain_keras(tmp_path):
+    model = segmentation.mask_model(small())
+    for variable in model.trainable_variables:  # far from the initial 0.5
+        variable.assign(variable * 3.0)
+    pictures = images()
+    output = model(pictures, training=False).numpy()
+    assert output.min() >= 0.0
+    assert output.max() <= 1.0
+    assert np.ptp(output) > 0.0
+    model.save(tmp_path / "model.keras")
+    again = keras.models.load_model(tmp_path / "model.keras", compile=False)
+    np.testing.assert_allclose(again(pictures, training=False), output, atol=1e-6)
+
+
+def test_lite_aspp_is_the_gate_times_the_features_plus_the_detail():
+    model = segmentation.mask_model(small())
+    pictures = images(2)
+    taps = {
+        name: model.get_layer(name) for name in ("head_relu", "gate", "gated", "from_gated", "from_detail")
+    }
+    probe = keras.Model(model.input, {name: layer.output for name, layer in taps.items()})
+    found = {name: value.numpy() for name, value in probe(pictures, training=False).items()}
+    assert found["gate"].shape == (2, 1, 1, 128)
+    np.testing.assert_allclose(found["gated"], found["head_relu"] * found["gate"], rtol=1e-5)
+    logits = tf.image.resize(found["from_gated"] + found["from_detail"], SIZE)
+    np.testing.assert_allclose(model(pictures, training=False), tf.sigmoid(logits), atol=1e-5)
+
+
+@pytest.mark.parametrize("transform", area.TRANSFORMS)
+def test_transforms_invert_and_start_at_a_typical_leaf(transform):
+    areas = np.array([0.01, 0.5, 25.0, 400.0])
+    back = area.to_area_cm2(area.to_target(tf.constant(areas), transform).numpy(), transform)
+    np.testing.assert_allclose(back, areas, rtol=1e-6)
+    model = area.area_model(small(), transform=transform)
+    model.get_layer("deviation").kernel.assign(tf.zeros_like(model.get_layer("deviation").kernel))
+    start = area.to_area_cm2(model(images(1), training=False).numpy(), transform)
+    np.testing.assert_allclose(start, area.TYPICAL_AREA_CM2, rtol=1e-5)
+
+
+@pytest.mark.parametrize("transform", area.TRANSFORMS)
+def test_wild_outputs_are_areas_all_the_same(transform):
+    wild = area.to_area_cm2(np.array([-1e30, -5.0, 1e30, np.inf]), transform)
+    assert ((wild >= area.SMALLEST_CM2) & (wild <= area.LARGEST_CM2)).all()
+    assert np.isnan(area.to_area_cm2(np.array([np.nan]), transform)).all()
+
+
+@pytest.mark.parametrize("transform", area.TRANSFORMS)
+def test_l1_is_the_relative_error_of_a_typical_leaf(transform):
+    true = tf.constant([area.TYPICAL_AREA_CM2])
+    output = area.to_target(true * 1.01, transform)[:, None]
+    loss = area.area_loss(output, true, transform=transform, loss="l1")
+    assert float(loss) == pytest.approx(0.01, rel=0.01)
+
+
+def test_huber_is_quadratic_then_linear():
+    errors = np.array([0.0, 0.05, 0.1, 0.5, -0.5], np.float32)
+    found = [
+        float(area.area_loss(tf.constant([[error]]), tf.ones([1]), transform="log", loss="huber"))
+        for error in errors
+    ]
+    reference = keras.losses.Huber(delta=0.1)
+    expected = [float(reference([[error]], [[0.0]])) / 0.1 for error in errors]
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def test_mask_losses_are_kerass():
+    random = np.random.default_rng(1)
+    leaf = random.uniform(0.01, 0.99, (3, 20, 20, 1)).astype(np.float32)
+    mask = random.integers(0, 2, (3, 20, 20)).astype(np.uint8)
+    crossed = float(keras.losses.BinaryCrossentropy()(mask[..., None].astype(np.float32), leaf))
+    assert float(segmentation.mask_loss(leaf, mask, loss="bce")) == pytest.approx(crossed, rel=1e-4)
+    dice = np.mean(
+        [
+            1 - (2 * (p[..., 0] * m).sum() + 1) / (p.sum() + m.sum() + 1)
+            for p, m in zip(leaf, mask, strict=True)
+        ]
+    )
+    assert float(segmentation.mask_loss(leaf, mask, loss="bce_dice")) == pytest.approx(
+        crossed + dice, rel=1e-4
+    )
+
+
+def test_weights_of_a_file_are_the_networks(tmp_path):
+    saved = small()
+    for variable in saved.variables:
+        variable.assign(tf.random.stateless_uniform(variable.shape, (1, 2)) + 0.5)
+    saved.save_weights(tmp_path / "w.weights.h5")
+    loaded, origin = backbone("small", size=(32, 32), alpha=0.35, weights=str(tmp_path / "w.weights.h5"))
+    for one, other in zip(saved.variables, loaded.variables, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert "w.weights.h5" in origin
+
+
+def test_weights_that_do_not_fit_are_refused(tmp_path):
+    path = tmp_path / "w.weights.h5"
+    with pytest.raises(InputError, match="no weights file"):
+        small(weights=str(path))
+    path.write_bytes(b"not HDF5")
+    with pytest.raises(InputError, match="not hold weights of MobileNetV3 small of width 0"):
+        small(weights=str(path))
+    small(alpha=0.75).save_weights(path)
+    with pytest.raises(InputError, match="--alpha"):
+        small(weights=str(path))
+    keras.Sequential([keras.Input((4,)), keras.layers.Dense(2)]).save_weights(path)
+    with pytest.raises(InputError, match="does not hold"):
+        small(weights=str(path))
+
+
+def test_auto_trains_from_scratch_with_one_warning_where_there_is_no_network(offline):
+    with pytest.warns(UserWarning, match="training from scratch") as warned:
+        base, origin = backbone("small", size=(32, 32), weights="auto")
+    assert len(warned) == 1
+    assert origin == FROM_SCRATCH
+    assert base.output.shape[1:] == (1, 1, 576)
+    with pytest.raises(InputError, match="no ImageNet weights for small"):
+        backbone("small", size=(32, 32), weights="imagenet")
+
+
+def test_recalibrated_statistics_are_those_of_all_pictures_together():
+    inputs = keras.Input((8, 8, 3))
+    layer = keras.layers.BatchNormalization()
+    model = keras.Model(inputs, layer(inputs))
+    batches = [tf.constant(images(5, size=(8, 8), seed=seed), tf.float32) * (1.0 + seed) for seed in range(3)]
+    batch_norm.recalibrator(model, lambda: batches)()
+    values = np.concatenate(batches).reshape(-1, 3).astype(np.float64)
+    np.testing.assert_allclose(layer.moving_mean, values.mean(0), rtol=1e-5)
+    np.testing.assert_allclose(layer.moving_variance, values.var(0), rtol=1e-4)
+
+
+def test_frozen_layers_neither_learn_nor_drift():
+    base = small()
+    batch_norm.freeze(base)
+    model = segmentation.mask_model(base)
+    frozen = [layer for layer in batch_norm.layers(model) if layer.name != "head_bn"]
+    assert len(frozen) > 10
+    before = [variable.numpy() for layer in frozen for variable in layer.variables]
+    head = model.get_layer("head_bn").moving_mean.numpy()
+    learned = {id(variable) for variable in model.trainable_variables}
+    batch_norm.recalibrator(model, lambda: [images()])()
+    assert not any(id(variable) in learned for layer in frozen for variable in layer.variables)
+    for one, other in zip(before, [v for layer in frozen for v in layer.variables], strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert not np.allclose(head, model.get_layer("head_bn").moving_mean)
