@@ -43,7 +43,7 @@ class Camera:
     warmth: Number = (-0.2, 0.2)
     """White balance: gain of red against blue."""
     green: Number = (-0.06, 0.06)
-    exposure: Number = (0.72, 1.18)
+    exposure: Number = (0.82, 1.3)
     contrast: Number = (0.85, 1.2)
     saturation: Number = (0.75, 1.3)
     compressed: Number = Chance(0.35)
