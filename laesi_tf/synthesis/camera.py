@@ -52,7 +52,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class View:
-    """One camera position. `to_px` maps sheet millimetres to pixels, `px_per_mm` is the scale at the centroid."""
+    """One camera position: `to_px` maps sheet mm to pixels, `px_per_mm` is the scale at the centroid."""
 
     to_px: tf.Tensor
     px_per_mm: tf.Tensor
@@ -66,7 +66,7 @@ MARGIN = 0.02
 
 
 def view(camera: Camera, outline: tf.Tensor, size: Size) -> View:
-    """Point the camera at the leaf `outline` [n, 2] (sheet mm, centred) so that the leaf lies in the frame."""
+    """Point the camera at the leaf `outline` [n, 2] (sheet mm, centred) so that it lies in the frame."""
     height, width = size
     extent = tf.reduce_max(outline, axis=0) - tf.reduce_min(outline, axis=0)
     fov = tf.clip_by_value(tf.reduce_max(extent) / camera.fill, camera.closest_mm, camera.farthest_mm)
@@ -90,7 +90,11 @@ def _pinhole(
     zero, one = tf.zeros([]), tf.ones([])
     to_axis, from_axis = _rotation(-direction), _rotation(direction + roll)
     foreshorten = tf.stack(
-        [tf.stack([one, zero, zero]), tf.stack([zero, tf.cos(tilt), zero]), tf.stack([zero, tf.sin(tilt) / distance, one])]
+        [
+            tf.stack([one, zero, zero]),
+            tf.stack([zero, tf.cos(tilt), zero]),
+            tf.stack([zero, tf.sin(tilt) / distance, one]),
+        ]
     )
     return tf.linalg.diag(tf.stack([scale, scale, one])) @ from_axis @ foreshorten @ to_axis
 
@@ -98,12 +102,16 @@ def _pinhole(
 def _rotation(angle: tf.Tensor) -> tf.Tensor:
     cosine, sine = tf.cos(angle), tf.sin(angle)
     zero, one = tf.zeros([]), tf.ones([])
-    return tf.stack([tf.stack([cosine, -sine, zero]), tf.stack([sine, cosine, zero]), tf.stack([zero, zero, one])])
+    return tf.stack(
+        [tf.stack([cosine, -sine, zero]), tf.stack([sine, cosine, zero]), tf.stack([zero, zero, one])]
+    )
 
 
 def _crop(zoom: tf.Tensor, shift: tf.Tensor) -> tf.Tensor:
     zero, one = tf.zeros([]), tf.ones([])
-    return tf.stack([tf.stack([zoom, zero, shift[0]]), tf.stack([zero, zoom, shift[1]]), tf.stack([zero, zero, one])])
+    return tf.stack(
+        [tf.stack([zoom, zero, shift[0]]), tf.stack([zero, zoom, shift[1]]), tf.stack([zero, zero, one])]
+    )
 
 
 def project(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
@@ -114,7 +122,7 @@ def project(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
 
 
 def scale_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
-    """Pixels per millimetre at `point` [2] mm: root of the homography's Jacobian determinant, |det H| / w^3."""
+    """Pixels per millimetre at `point` [2] mm: root of the Jacobian determinant, |det H| / w^3."""
     w = tf.reduce_sum(homography[2, :2] * point) + homography[2, 2]
     return tf.sqrt(tf.abs(tf.linalg.det(homography)) / tf.abs(w) ** 3)
 
@@ -158,7 +166,9 @@ def _convolve(image: tf.Tensor, taps: list[tf.Tensor], axis: int) -> tf.Tensor:
 def focus(image: tf.Tensor, camera: Camera, px_per_mm: tf.Tensor) -> tf.Tensor:
     """Focus blur of [3, H, W] where the scene has it."""
     reach = math.ceil(1.25 * _WIDEST_BLUR_MM * max(image.shape[1:]) / 70)
-    return tf.cond(camera.blurred, lambda: blur(image, camera.blur_mm * px_per_mm, reach=reach), lambda: image)
+    return tf.cond(
+        camera.blurred, lambda: blur(image, camera.blur_mm * px_per_mm, reach=reach), lambda: image
+    )
 
 
 def chroma_softness(image: tf.Tensor, camera: Camera) -> tf.Tensor:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise, paper
-from laesi_tf.synthesis.frame import Size, whole
+from laesi_tf.synthesis.frame import whole
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -30,7 +30,7 @@ class Desk:
 
 
 def desk(top: Desk, key: Key, distance_mm: tf.Tensor) -> tf.Tensor:
-    """Colour [3, H, W] of the table top, darker near the sheet: `distance_mm` [H, W] is negative off the sheet."""
+    """Colour [3, H, W] of the table top, darker near the sheet (`distance_mm` [H, W], negative off it)."""
     size = (distance_mm.shape[0], distance_mm.shape[1])
     hue = tf.where(top.cold, top.hue + 0.5, top.hue)
     colour = paper.tint(hue, top.saturation)[:, None, None] * top.brightness

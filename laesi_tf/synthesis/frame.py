@@ -9,7 +9,7 @@ _STEP = 32
 
 
 class Frame(NamedTuple):
-    """A rectangle of pixels; `height` and `width` are ints or int32 scalars, `longest` is the whole picture's."""
+    """A rectangle of pixels, sides as ints or int32 scalars; `longest` is the whole picture's longer side."""
 
     height: tf.Tensor | int
     width: tf.Tensor | int

@@ -247,9 +247,7 @@ def _half_width(leaf: Leaf, along: tf.Tensor) -> tf.Tensor:
     return tf.maximum(1 - distance * distance, 1e-6) ** power
 
 
-def _blade(
-    leaf: Leaf, jitter: tf.Tensor, fine: tf.Tensor, bites: tf.Tensor
-) -> tuple[tf.Tensor, tf.Tensor]:
+def _blade(leaf: Leaf, jitter: tf.Tensor, fine: tf.Tensor, bites: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Both sides of the blade, (along, outward) [2, SIDE_POINTS] each, blade length 1."""
     s = tf.constant(np.linspace(0, 1, CONTROLS), tf.float32)
     along = 0.5 - 0.5 * tf.cos(np.pi * s)

@@ -69,9 +69,13 @@ def shadow(coverage: tf.Tensor, light: Light, size: Size, px_per_mm: tf.Tensor) 
 
 
 def soften(
-    coverage: tf.Tensor, frame: Frame, spread_px: tf.Tensor, *, shift: tf.Tensor | tuple[float, float] = (0.0, 0.0)
+    coverage: tf.Tensor,
+    frame: Frame,
+    spread_px: tf.Tensor,
+    *,
+    shift: tf.Tensor | tuple[float, float] = (0.0, 0.0),
 ) -> tf.Tensor:
-    """Blur a field [H, W] by a Gaussian of `spread_px` and shift it by (x, y) pixels, dark beyond its frame."""
+    """Blur a field [H, W] by a Gaussian of `spread_px` and shift it by (x, y) pixels."""
     coarse = tf.nn.avg_pool2d(coverage[None, ..., None], _COARSE, _COARSE, "SAME")[0, ..., 0]
     down = _smear(frame.height, shift[1], spread_px)
     across = _smear(frame.width, shift[0], spread_px)
@@ -119,7 +123,9 @@ def glass(image: tf.Tensor, light: Light) -> tf.Tensor:
         across = x * cosine + y * sine - light.glass_offset
         along = y * cosine - x * sine
         pane = tf.sigmoid((light.glass_width - tf.abs(across)) / 0.02)
-        bars = tf.sigmoid((tf.abs(tf.abs(along) - 0.2) - 0.02) / 0.01) * tf.sigmoid((0.42 - tf.abs(along)) / 0.03)
+        bars = tf.sigmoid((tf.abs(tf.abs(along) - 0.2) - 0.02) / 0.01) * tf.sigmoid(
+            (0.42 - tf.abs(along)) / 0.03
+        )
         reflection = noise.upsample(pane * bars, whole((image.shape[1], image.shape[2])))
         strength = light.glass_veil + light.glass_strength * reflection
         return image + strength * (0.97 - image)

@@ -12,6 +12,7 @@ import tensorflow as tf
 
 from laesi_tf.synthesis.frame import Frame, Size
 
+
 def _fade(x: tf.Tensor) -> tf.Tensor:
     """Perlin's quintic 6x^5 - 15x^4 + 10x^3: 0 at 0, 1 at 1, flat to second order at both."""
     return x * x * x * (x * (x * 6 - 15) + 10)
@@ -75,8 +76,11 @@ def voronoi_lattice(jitter: tf.Tensor) -> tf.Tensor:
     `jitter` is uniform [2, 10, 10]: the points of one more cell on each side, so that borders are right.
     """
     nodes = VORONOI_CELLS + 2
-    neighbours = [np.arange(nodes * nodes).reshape(nodes, nodes)[r : r + VORONOI_CELLS, c : c + VORONOI_CELLS]
-                  for r in range(3) for c in range(3)]
+    neighbours = [
+        np.arange(nodes * nodes).reshape(nodes, nodes)[r : r + VORONOI_CELLS, c : c + VORONOI_CELLS]
+        for r in range(3)
+        for c in range(3)
+    ]
     points = tf.gather(tf.reshape(jitter, [2, -1]), np.stack(neighbours), axis=1)
     within = (np.arange(_SAMPLES, dtype=np.float32) + 0.5) / _SAMPLES
     shift = np.arange(3, dtype=np.float32) - 1

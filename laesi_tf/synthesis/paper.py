@@ -20,7 +20,9 @@ from laesi_tf.synthesis.ranges import Chance, Number
 PERIOD_MM = 10
 _PITCHES = (1, 5, 10)
 _HARMONICS = (8, 32, 48)
-_FREQUENCY = np.concatenate([np.arange(1, n + 1) / pitch for n, pitch in zip(_HARMONICS, _PITCHES, strict=True)])
+_FREQUENCY = np.concatenate(
+    [np.arange(1, n + 1) / pitch for n, pitch in zip(_HARMONICS, _PITCHES, strict=True)]
+)
 """Spatial frequencies B / 2 pi of all sines, cycles per mm, family after family."""
 _MEMBERSHIP = np.repeat(np.eye(len(_PITCHES), dtype=np.float32), _HARMONICS, axis=1)
 _GRADIENT_NODES = 16
@@ -29,7 +31,7 @@ _SIMPLE_NODES = 30
 
 @dataclass(frozen=True)
 class Paper:
-    """One sheet. Strengths are absorbances in [0, 1] at a line's centre; hues are turns of the colour wheel."""
+    """One sheet. Strengths are absorbances in [0, 1] at a line's centre, hues turns of the colour wheel."""
 
     hue: Number = (0.0, 1.0)
     tinted: Number = Chance(0.5)
@@ -98,7 +100,9 @@ def line_profiles(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Ten
     widths = tf.stack([paper.width_1mm, paper.width_5mm, paper.width_10mm])
     share = widths / tf.constant(_PITCHES, tf.float32)
     frequency = tf.constant(_FREQUENCY, tf.float32)
-    amplitude = tf.exp(-2 * (math.pi * paper.ink_spread_mm * frequency) ** 2) * _sinc(frequency * footprint_mm) ** 2
+    amplitude = (
+        tf.exp(-2 * (math.pi * paper.ink_spread_mm * frequency) ** 2) * _sinc(frequency * footprint_mm) ** 2
+    )
     coefficients = 2 * share[:, None] * _sinc(widths[:, None] * frequency) * amplitude
     return tf.clip_by_value((coefficients * tf.constant(_MEMBERSHIP)) @ sines + share[:, None], 0, 1)
 
@@ -117,7 +121,9 @@ def ruling_tile(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tenso
     return 1 - (1 - fine * fine_ink) * (1 - heavy * heavy_ink)
 
 
-def ruling(paper: Paper, x_mm: tf.Tensor, y_mm: tf.Tensor, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
+def ruling(
+    paper: Paper, x_mm: tf.Tensor, y_mm: tf.Tensor, samples: int, footprint_mm: tf.Tensor
+) -> tf.Tensor:
     """Absorbance [3, H, W] of the ruling at sheet coordinates `x_mm`, `y_mm` [H, W]."""
     side = PERIOD_MM * samples
     tile = tf.reshape(ruling_tile(paper, samples, footprint_mm), [3, -1])
@@ -159,7 +165,7 @@ def crease(paper: Paper, x_mm: tf.Tensor, y_mm: tf.Tensor, fov_mm: tf.Tensor) ->
 
 
 def margin(paper: Paper, leaf: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
-    """Distance [H, W] in mm from the sheet's nearest side, negative off the sheet, which holds `leaf` [n, 2]."""
+    """Distance [H, W] in mm from the nearest side of the sheet that holds `leaf` [n, 2]; negative off it."""
     low = tf.reduce_min(leaf, axis=0) - tf.stack([paper.left, paper.top])
     high = tf.reduce_max(leaf, axis=0) + tf.stack([paper.right, paper.bottom])
     middle, half = (low + high) / 2, (high - low) / 2

@@ -56,7 +56,9 @@ def load_ranges(source: str | Path | Ranges) -> Ranges:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"cannot read ranges from {path}: {error}; see --help of laesi_tf.preview") from error
+        raise InputError(
+            f"cannot read ranges from {path}: {error}; see --help of laesi_tf.preview"
+        ) from error
     return _merge(table, path)
 
 

@@ -1,4 +1,4 @@
-"""Things that lie beside the leaf: paper fragments, label cards, pens, coins, handwriting (paper, "Scene Composition").
+"""Things beside the leaf: paper fragments, label cards, pens, coins, handwriting (paper, "Scene Composition").
 
 Each is a unit shape moved by T_xy R_theta S_xy, in sheet millimetres. A prop's place is found along a
 direction from the leaf: the leaf's support in that direction plus the prop's own, plus a gap, so the straight
@@ -57,7 +57,9 @@ class Stage:
     size: Size
 
 
-def place(shape: tf.Tensor, stage: Stage, direction: tf.Tensor, turn: tf.Tensor, gap_mm: tf.Tensor) -> tf.Tensor:
+def place(
+    shape: tf.Tensor, stage: Stage, direction: tf.Tensor, turn: tf.Tensor, gap_mm: tf.Tensor
+) -> tf.Tensor:
     """Turn `shape` [n, 2] (mm, centred) and push it off the leaf along `direction`: sheet mm [n, 2]."""
     cosine, sine = tf.cos(turn), tf.sin(turn)
     turned = shape @ tf.stack([tf.stack([cosine, sine]), tf.stack([-sine, cosine])])
@@ -120,13 +122,24 @@ def label(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf
     """A label card with two lines of writing over [3, H, W]."""
     half = props.label_mm / 2 * tf.stack([1.0, props.label_aspect])
     lines = [
-        scribble(random[32 * i : 32 * i + 32], props.label_mm * 0.7, props.label_mm * props.label_aspect * 0.14, props)
+        scribble(
+            random[32 * i : 32 * i + 32],
+            props.label_mm * 0.7,
+            props.label_mm * props.label_aspect * 0.14,
+            props,
+        )
         + tf.stack([0.0, (0.4 * i - 0.2) * props.label_mm * props.label_aspect])
         for i in range(2)
     ]
     shapes = tf.concat([_box() * half, *lines], axis=0)
     direction = props.direction + 2.0
-    points = place(shapes, stage, direction, tf.round(props.turn * 2 / math.pi) * (math.pi / 2) + 0.1 * random[70], props.gap_mm)
+    points = place(
+        shapes,
+        stage,
+        direction,
+        tf.round(props.turn * 2 / math.pi) * (math.pi / 2) + 0.1 * random[70],
+        props.gap_mm,
+    )
     colour = paper.tint(props.hue, props.saturation * 0.1)[:, None, None] * 0.95
     words = [Item(word, _ink(props), 260) for word in tf.split(points[4:], 2)]
     return _lay(image, [Item(points[:4], colour, 170), *words], stage, thickness_mm=0.5)
@@ -134,14 +147,18 @@ def label(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf
 
 def handwriting(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
     """A word written on the sheet itself, over [3, H, W]."""
-    word = scribble(random[:32], props.handwriting_mm, props.handwriting_mm * props.handwriting_height / 2, props)
+    word = scribble(
+        random[:32], props.handwriting_mm, props.handwriting_mm * props.handwriting_height / 2, props
+    )
     points = place(word, stage, props.direction + 4.0, props.turn * 0.15, props.gap_mm)
     return _lay(image, [Item(points, _ink(props), 320, opacity=0.85)], stage)
 
 
 def pen(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
     """A pen over [3, H, W]: a tapered rod, bright along its back."""
-    profile = tf.constant([[-1, -1], [0.75, -1], [0.97, -0.25], [1, 0], [0.97, 0.25], [0.75, 1], [-1, 1]], tf.float32)
+    profile = tf.constant(
+        [[-1, -1], [0.75, -1], [0.97, -0.25], [1, 0], [0.97, 0.25], [0.75, 1], [-1, 1]], tf.float32
+    )
     scale = tf.stack([props.pen_mm, props.pen_thickness_mm]) / 2
     points = place(profile * scale, stage, props.direction + 1.0, props.turn, props.gap_mm)
     back = place(profile * scale * [0.94, 0.22], stage, props.direction + 1.0, props.turn, props.gap_mm)
@@ -163,7 +180,7 @@ def coin(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.
 
 
 def scribble(random: tf.Tensor, length_mm: tf.Tensor, height_mm: tf.Tensor, props: Props) -> tf.Tensor:
-    """A handwritten word as one ribbon [2 * WRITING_POINTS, 2] mm, centred: looping strokes of random height."""
+    """A handwritten word as one ribbon [2 * WRITING_POINTS, 2] mm, centred: loops of random height."""
     t = tf.constant(np.linspace(0, 1, WRITING_POINTS), tf.float32)
     letters = 8
     knots = tf.constant(_hat(WRITING_POINTS, letters + 1))

@@ -16,7 +16,7 @@ _ROWS = 3
 
 
 def area(points: tf.Tensor) -> tf.Tensor:
-    """Signed area of the closed polygon `points` [..., n, 2] (shoelace): positive when clockwise on screen."""
+    """Signed area of closed polygons [..., n, 2] (shoelace): positive when clockwise on screen."""
     x, y = tf.unstack(points, axis=-1)
     next_x, next_y = tf.unstack(_next(points), axis=-1)
     return 0.5 * tf.reduce_sum(x * next_y - y * next_x, axis=-1)

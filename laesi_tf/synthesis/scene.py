@@ -1,4 +1,4 @@
-"""A picture is a pure function of a few dozen numbers: `sample` draws them, `render` turns them into a picture."""
+"""A picture is a pure function of a few dozen numbers: `sample` draws them, `render` makes the picture."""
 
 import dataclasses
 import math
@@ -40,7 +40,7 @@ COMPONENTS = (
     "sensor_noise",
     "chroma_softness",
 )
-"""What a picture is made of beside leaf and sheet, in the order it is laid on; each can be left out by name."""
+"""What a picture is made of beside leaf and sheet, in order; each can be left out by name."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,7 +93,9 @@ def sample(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) -> Sce
     which, leaf_numbers, *others = tf.split(key.uniform([sum(sizes)], Purpose.SCENE), sizes)
     drawn = {name: draw(room, part) for (name, room), part in zip(rooms.items(), others, strict=True)}
     return Scene(
-        leaf=draw_one_of(kinds, _choose([weight for weight, _ in ranges.leaf.values()], which[0]), leaf_numbers),
+        leaf=draw_one_of(
+            kinds, _choose([weight for weight, _ in ranges.leaf.values()], which[0]), leaf_numbers
+        ),
         light=draw(ranges.light, light_key.uniform([count(ranges.light)], Purpose.LIGHT)),
         key=key,
         light_key=light_key,
@@ -218,7 +220,9 @@ def _sheet(scene: Scene, place: Geometry, size: Size, ranges: Ranges) -> tf.Tens
 
     image = tf.cond(sheet.edged, on_desk, filling) if ranges.has("desk") else filling()
     stage = props.Stage(leaf=place.outline, view=view, size=size)
-    return props.scatter(image, scene.props, stage, scene.key, [name for name in props.PROPS if ranges.has(name)])
+    return props.scatter(
+        image, scene.props, stage, scene.key, [name for name in props.PROPS if ranges.has(name)]
+    )
 
 
 def _blade(

@@ -34,7 +34,7 @@ PALETTE = np.array(
 
 @dataclass(frozen=True)
 class Surface:
-    """What one leaf's surface looks like. `season` runs along PALETTE: 0 dark green, 0.5 yellow, 1 dark brown."""
+    """One leaf's surface. `season` runs along PALETTE: 0 dark green, 0.5 yellow, 1 dark brown."""
 
     season: Number = (-0.55, 0.95)
     """Below zero counts as its distance from zero, so that two thirds of the leaves are green."""
@@ -89,7 +89,7 @@ def palette(season: tf.Tensor) -> tf.Tensor:
 def blade(surface: Surface, key: Key, frame: Frame, texture: tf.Tensor | None) -> tf.Tensor:
     """The texture T [3, H, W] before veins: C1 and C2 blended by gradient noise, with fine mottling.
 
-    `texture` [3, H, W] in [0, 1], where given, is a photograph's relief around mean 1 that C1 is multiplied by.
+    `texture` [3, H, W], where given, is a photograph's relief around mean 1 that multiplies C1.
     """
     gradients = key.uniform([2, _BLEND_NODES, _BLEND_NODES], Purpose.SURFACE)
     fine = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.MOTTLE)

@@ -40,7 +40,7 @@ def ribbons(paths: tf.Tensor, widths: tf.Tensor) -> tf.Tensor:
 
 
 def secondary_paths(leaf: Leaf, key: Key, jitter: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Paths [2, n, STEPS + 1, 2] mm of the secondary veins that the leaf has, and 1 for each, 0 past the tip."""
+    """Paths [2, n, STEPS + 1, 2] mm of the leaf's secondary veins, and 1 for each, 0 past the tip."""
     number = tf.minimum(tf.cast(leaf.veins * 1.05 + 1, tf.int32), SECONDARIES)
     random = key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)[:, :number]
     rank = (tf.cast(tf.range(number), tf.float32) + 0.6) / leaf.veins
