@@ -227,7 +227,7 @@ def test_five_steps_are_judged_as_they_were_trained(tmp_path, task):
     images = np.stack([discs.disc(index, 64)[0] for index in range(10**6, 10**6 + 256)])
     judged, trained = (model(images, training=mode).numpy() for mode in (False, True))
     assert _rms(judged - trained) < 0.35 * trained.std()
-    # With the statistics that layers start from, what a momentum of 0.999 would leave, it is off by all of it.
+    # With the statistics that layers start from, as a momentum of 0.999 leaves them, all of it is off.
     for layer in model.layers:
         if isinstance(layer, keras.layers.BatchNormalization):
             layer.moving_mean.assign(tf.zeros_like(layer.moving_mean))
