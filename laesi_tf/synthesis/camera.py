@@ -87,31 +87,27 @@ def _pinhole(
     tilt: tf.Tensor, direction: tf.Tensor, roll: tf.Tensor, distance: tf.Tensor, scale: tf.Tensor
 ) -> tf.Tensor:
     """Homography of a pinhole `distance` mm above the origin, tilted about the axis at `direction`."""
-    zero, one = tf.zeros([]), tf.ones([])
-    to_axis, from_axis = _rotation(-direction), _rotation(direction + roll)
-    foreshorten = tf.stack(
-        [
-            tf.stack([one, zero, zero]),
-            tf.stack([zero, tf.cos(tilt), zero]),
-            tf.stack([zero, tf.sin(tilt) / distance, one]),
-        ]
-    )
-    return tf.linalg.diag(tf.stack([scale, scale, one])) @ from_axis @ foreshorten @ to_axis
+    foreshorten = tf.eye(3) + (tf.cos(tilt) - 1) * _unit(1, 1) + tf.sin(tilt) / distance * _unit(2, 1)
+    tilted = _rotation(direction + roll) @ foreshorten @ _rotation(-direction)
+    return tf.stack([scale, scale, 1.0])[:, None] * tilted
 
 
 def _rotation(angle: tf.Tensor) -> tf.Tensor:
-    cosine, sine = tf.cos(angle), tf.sin(angle)
-    zero, one = tf.zeros([]), tf.ones([])
-    return tf.stack(
-        [tf.stack([cosine, -sine, zero]), tf.stack([sine, cosine, zero]), tf.stack([zero, zero, one])]
-    )
+    in_plane = _unit(0, 0) + _unit(1, 1)
+    return _unit(2, 2) + tf.cos(angle) * in_plane + tf.sin(angle) * (_unit(1, 0) - _unit(0, 1))
 
 
 def _crop(zoom: tf.Tensor, shift: tf.Tensor) -> tf.Tensor:
-    zero, one = tf.zeros([]), tf.ones([])
-    return tf.stack(
-        [tf.stack([zoom, zero, shift[0]]), tf.stack([zero, zoom, shift[1]]), tf.stack([zero, zero, one])]
-    )
+    """Homography of scaling by `zoom` and shifting by `shift` [2] pixels."""
+    move = tf.concat([shift, [1.0]], axis=0)[:, None] * np.array([0, 0, 1], np.float32)
+    return zoom * (_unit(0, 0) + _unit(1, 1)) + move
+
+
+def _unit(row: int, column: int) -> np.ndarray:
+    """The 3 x 3 matrix that is 1 at one place and 0 elsewhere."""
+    matrix = np.zeros((3, 3), np.float32)
+    matrix[row, column] = 1
+    return matrix
 
 
 def project(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:

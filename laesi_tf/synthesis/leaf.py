@@ -191,11 +191,9 @@ def outline(leaf: Leaf, key: Key) -> tf.Tensor:
     stalk = leaf.petiole_width_mm / 2 * tf.maximum(1 - along / leaf.length_mm, 0) ** 4
     across = tf.sqrt(across * across + stalk * stalk)
     reach, thickness = _petiole(leaf)
-    along = tf.concat([tf.stack([reach, reach]), along], axis=1)
-    across = tf.concat([tf.stack([thickness, thickness]), across], axis=1)
-    left = _bend(leaf, along[0], -across[0])
-    right = _bend(leaf, along[1], across[1])
-    return raster.resample(tf.concat([left, right[::-1]], axis=0), OUTLINE_POINTS)
+    ring = tf.concat([reach, along[0], along[1, ::-1], reach[::-1]], axis=0)
+    offset = tf.concat([-thickness, -across[0], across[1, ::-1], thickness[::-1]], axis=0)
+    return raster.resample(_bend(leaf, ring, offset), OUTLINE_POINTS)
 
 
 def holes(leaf: Leaf, key: Key) -> tf.Tensor:

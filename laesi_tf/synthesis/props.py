@@ -1,4 +1,4 @@
-"""Things beside the leaf: paper fragments, label cards, pens, coins, handwriting (paper, "Scene Composition").
+"""Things beside the leaf: paper scraps, label cards, pens, coins, handwriting (paper, "Scene Composition").
 
 Each is a unit shape moved by T_xy R_theta S_xy, in sheet millimetres. A prop's place is found along a
 direction from the leaf: the leaf's support in that direction plus the prop's own, plus a gap, so the straight
