@@ -1,0 +1,334 @@
+"""Measure speed and memory on this machine. Each benchmark has its own --help.
+
+Machines drift: what is compared is measured in turns, several times, and reported as a median with its
+interquartile range. A difference smaller than its range is noise.
+"""
+
+import argparse
+import dataclasses
+import datetime
+import itertools
+import os
+import platform
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from laesi_tf.cli import parser, progress, run, size
+
+# isort: split
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.config import TrainConfig
+from laesi_tf.data import synthetic
+from laesi_tf.files import require_writable, write_json
+from laesi_tf.synthesis import COMPONENTS, Ranges, load_ranges, synthesise
+from laesi_tf.synthesis.editing import every_component
+from laesi_tf.training import fit
+
+Size = tuple[int, int]
+
+_BATCH = 32
+_CACHED_BATCHES = 8
+_SETTLING_STEPS = 6
+"""Untimed steps after a turn begins: the stream before may still be filling its buffers."""
+_SETTLED_IMAGES = 2000
+"""Pictures after which memory should have stopped growing."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Repeated measurements: their median and interquartile range."""
+
+    median: float
+    iqr: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "Spread":
+        """The spread of `values`."""
+        low, middle, high = np.percentile(values, [25, 50, 75])
+        return cls(float(middle), float(high - low))
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether zero lies within the range."""
+        return abs(self.median) <= self.iqr
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Hand over to the benchmark that the first argument names."""
+    chooser = parser("benchmark", __doc__)
+    chooser.add_argument("what", choices=tuple(BENCHMARKS), help="what to measure")
+    BENCHMARKS[chooser.parse_args(arguments[:1]).what](arguments[1:])
+
+
+def synthesis(arguments: Sequence[str]) -> None:
+    """Speed of synthesis, alone, per component and under training; its peak memory."""
+    options = _synthesis_options().parse_args(arguments)
+    if options.json is not None:
+        require_writable(options.json)
+    plain = load_ranges(options.ranges).with_passes(1)
+    every = every_component(plain)
+    scene = {"seed": options.seed, "size": options.size}
+    # First, while nothing else is in memory.
+    memory = peak_memory_mb(plain, images=options.images, **scene)
+    alone = images_per_s({"plain": plain, "every": every}, repeats=options.repeats, **scene)
+    parts = component_us(every, repeats=options.repeats, **scene)
+    loops = {"weights": options.weights, "repeats": options.repeats, "steps": options.steps}
+    trained = {kind: training_rates(kind, plain, **loops, **scene) for kind in ("small", "large")}
+    figures = _figures(memory, alone, parts, trained)
+    if options.json is not None:
+        write_json(options.json, figures)
+    print(_table(figures))
+
+
+def peak_memory_mb(ranges: Ranges, *, images: int, seed: int, size: Size) -> dict[str, float]:
+    """Peak resident memory of this process over `images` pictures, and after the first 2,000 of them.
+
+    The peak never falls, so a leak shows as the difference.
+    """
+    source = _stream(ranges, seed, size, count=images)
+    settled = None
+    made = 0
+    for pictures, _ in progress(source, total=-(-images // _BATCH), desc="memory", unit="batch"):
+        made += len(pictures)
+        if settled is None and made >= min(_SETTLED_IMAGES, images):
+            settled = _peak_rss_mb()
+    return {"peak": _peak_rss_mb(), "settled": settled or _peak_rss_mb(), "images": made}
+
+
+def images_per_s(
+    sorts: dict[str, Ranges], *, repeats: int, seed: int, size: Size, batches: int = 16
+) -> dict[str, Spread]:
+    """Pictures per second of the generator for each of `sorts`, nothing else running."""
+    streams = {name: iter(_stream(ranges, seed, size)) for name, ranges in sorts.items()}
+    rates: dict[str, list[float]] = {name: [] for name in sorts}
+    for _ in progress(range(repeats), desc="synthesis alone", unit="turn"):
+        for name, stream in streams.items():
+            _exhaust(itertools.islice(stream, _SETTLING_STEPS))
+            begun = time.perf_counter()
+            _exhaust(itertools.islice(stream, batches))
+            rates[name].append(batches * _BATCH / (time.perf_counter() - begun))
+    return {name: Spread.of(values) for name, values in rates.items()}
+
+
+def component_us(
+    every: Ranges, *, repeats: int, seed: int, size: Size, images: int = 48
+) -> dict[str, Spread]:
+    """CPU microseconds per picture that each component takes: all components less all but this one.
+
+    `every` has all components in every picture. The time is that of all threads of this process, so what
+    else the machine does counts little. Each picture is made in all ways one after the other, since the
+    differences are smaller than a processor's drift over a second; a turn's figure is the median of `images`.
+    """
+    names = [name for name in COMPONENTS if every.has(name)]
+    kinds = [every, *(dataclasses.replace(every, without=every.without | {name}) for name in names)]
+    makers = [_maker(ranges, seed, size) for ranges in kinds]
+    for maker in progress(makers, desc="tracing", unit="component"):
+        maker(tf.constant(0, tf.int64))
+    medians = []
+    for turn in progress(range(repeats), desc="components", unit="turn"):
+        spent = np.array([_cpu_us(makers, index) for index in range(turn * images, (turn + 1) * images)])
+        medians.append(np.median(spent[:, :1] - spent[:, 1:], axis=0))
+    return {name: Spread.of(costs) for name, costs in zip(names, np.transpose(medians), strict=True)}
+
+
+def training_rates(
+    backbone: str, ranges: Ranges, *, weights: str, repeats: int, steps: int, seed: int, size: Size
+) -> dict[str, Any]:
+    """Images per second of the training loop on pictures cached in memory and on live ones, in turns.
+
+    Returns Spreads `cached` and `live`, and `ratio`, live over cached (of medians).
+    """
+    cached = list(_stream(ranges, seed, size, count=_CACHED_BATCHES * _BATCH))
+    live = _stream(ranges, seed, size, start=_CACHED_BATCHES * _BATCH)
+    rates: dict[str, list[float]] = {"cached": [], "live": []}
+    turns = {"cached": itertools.cycle(cached), "live": iter(live)}
+    # The loop asks for its stream once more when it calibrates batch normalisation after the last step.
+    streams = iter([_timed_turns(turns, rates, repeats, steps), cached])
+    config = TrainConfig(
+        backbone=backbone,
+        size=size,
+        batch_size=_BATCH,
+        weights=weights,
+        seed=seed,
+        steps=2 * repeats * (_SETTLING_STEPS + steps) + 1,
+        validate_every=10**9,
+        checkpoint_every=10**9,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        result = fit(config, Path(folder), train=lambda _: next(streams), validation=cached[:1])
+    spreads = {name: Spread.of(values) for name, values in rates.items()}
+    ratio = spreads["live"].median / spreads["cached"].median
+    return {**spreads, "ratio": ratio, "weights_origin": result.metrics["weights_origin"]}
+
+
+def _timed_turns(
+    sources: dict[str, Iterator[Any]], rates: dict[str, list[float]], repeats: int, steps: int
+) -> Iterator[Any]:
+    """Batches of each source in turn; how fast they were asked for goes into `rates`.
+
+    From one batch being handed out to the next being asked for, the loop trains on it; getting a batch is
+    timed as well.
+    """
+    for _ in range(repeats):
+        for name, source in sources.items():
+            yield from itertools.islice(source, _SETTLING_STEPS)
+            begun = time.perf_counter()
+            yield from itertools.islice(source, steps)
+            rates[name].append(steps * _BATCH / (time.perf_counter() - begun))
+    yield next(source)
+
+
+def _stream(
+    ranges: Ranges, seed: int, size: Size, *, start: int = 0, count: int | None = None
+) -> tf.data.Dataset:
+    """Batches (image, area_cm2) as training gets them."""
+    return synthetic.batches(
+        task="area", batch_size=_BATCH, seed=seed, size=size, ranges=ranges, start=start, count=count
+    )
+
+
+def _maker(ranges: Ranges, seed: int, size: Size) -> Callable[[tf.Tensor], dict[str, tf.Tensor]]:
+    return tf.function(lambda index: synthesise(seed, size=size, ranges=ranges, index=index))
+
+
+def _cpu_us(makers: Sequence[Callable[[tf.Tensor], Any]], index: int) -> list[float]:
+    """CPU time of picture `index` with each of `makers`, in an order that moves on with the index."""
+    picture = tf.constant(index, tf.int64)
+    spent = [0.0] * len(makers)
+    for place in range(len(makers)):
+        chosen = (place + index) % len(makers)
+        begun = time.process_time()
+        makers[chosen](picture)
+        spent[chosen] = (time.process_time() - begun) * 1e6
+    return spent
+
+
+def _exhaust(items: Iterator[Any]) -> None:
+    for _ in items:
+        pass
+
+
+def _peak_rss_mb() -> float:
+    """Peak resident memory of this process so far in MB (10^6 bytes)."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak * (1 if sys.platform == "darwin" else 1024) / 1e6
+
+
+def _figures(
+    memory: dict[str, float],
+    alone: dict[str, Spread],
+    parts: dict[str, Spread],
+    trained: dict[str, dict[str, Any]],
+) -> dict[str, Any]:
+    return {
+        "images_per_s": alone["plain"].median,
+        "live_over_cached_small": trained["small"]["ratio"],
+        "live_over_cached_large": trained["large"]["ratio"],
+        "component_us": {name: part.median for name, part in parts.items()},
+        "peak_rss_mb": memory["peak"],
+        "settled_rss_mb": memory["settled"],
+        "memory_images": memory["images"],
+        "images_per_s_iqr": alone["plain"].iqr,
+        "every_component_images_per_s": alone["every"].median,
+        "every_component_images_per_s_iqr": alone["every"].iqr,
+        "component_us_iqr": {name: part.iqr for name, part in parts.items()},
+        "component_is_noise": {name: part.is_noise for name, part in parts.items()},
+        "training_images_per_s": {
+            kind: {name: rates[name].median for name in ("cached", "live")} for kind, rates in trained.items()
+        },
+        "training_images_per_s_iqr": {
+            kind: {name: rates[name].iqr for name in ("cached", "live")} for kind, rates in trained.items()
+        },
+        "weights_origin": {kind: rates["weights_origin"] for kind, rates in trained.items()},
+        **_machine(),
+    }
+
+
+def _machine() -> dict[str, Any]:
+    return {
+        "machine": _processor(),
+        "cores": os.cpu_count(),
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "tensorflow": tf.__version__,
+    }
+
+
+def _processor() -> str:
+    """The processor's name; platform.processor() says no more than x86_64 on Linux."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.processor())
+
+
+def _table(figures: dict[str, Any]) -> str:
+    """The figures for people: name, median, interquartile range."""
+    lines = [_line("", "median", "IQR"), *_rate_lines(figures)]
+    for name, cost in figures["component_us"].items():
+        noise = "  noise" if figures["component_is_noise"][name] else ""
+        iqr = f"{figures['component_us_iqr'][name]:.0f}"
+        lines.append(_line(f"{name}, CPU µs per picture", f"{cost:.0f}", iqr) + noise)
+    settled = min(_SETTLED_IMAGES, figures["memory_images"])
+    return "\n".join(
+        [
+            *lines,
+            _line(f"peak memory, {settled} pictures, MB", f"{figures['settled_rss_mb']:.0f}"),
+            _line(f"peak memory, {figures['memory_images']} pictures, MB", f"{figures['peak_rss_mb']:.0f}"),
+            "{machine}, {cores} cores, TensorFlow {tensorflow}, {date}".format_map(figures),
+        ]
+    )
+
+
+def _rate_lines(figures: dict[str, Any]) -> Iterator[str]:
+    for key, what in (("images_per_s", "synthesis"), ("every_component_images_per_s", "every component")):
+        yield _line(f"{what}, pictures/s", f"{figures[key]:.1f}", f"{figures[f'{key}_iqr']:.1f}")
+    for kind, rates in figures["training_images_per_s"].items():
+        for name, rate in rates.items():
+            iqr = figures["training_images_per_s_iqr"][kind][name]
+            yield _line(f"training {kind}, {name}, pictures/s", f"{rate:.1f}", f"{iqr:.1f}")
+        yield _line(f"training {kind}, live over cached", f"{figures[f'live_over_cached_{kind}']:.3f}")
+
+
+def _line(what: str, median: str, iqr: str = "") -> str:
+    return f"{what:42}{median:>10}{iqr:>10}".rstrip()
+
+
+def _synthesis_options() -> argparse.ArgumentParser:
+    made = parser("benchmark synthesis", synthesis.__doc__)
+    made.add_argument("--seed", type=int, default=0, help="seed of the scenes")
+    made.add_argument(
+        "--size", type=size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH in pixels"
+    )
+    made.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="where scenes come from")
+    made.add_argument("--images", type=_positive, default=20000, metavar="N", help="pictures for the memory")
+    made.add_argument("--repeats", type=_positive, default=5, metavar="N", help="turns of each part")
+    made.add_argument("--steps", type=_positive, default=20, metavar="N", help="timed steps per turn")
+    made.add_argument(
+        "--weights",
+        choices=("auto", "imagenet", "none"),
+        default="auto",
+        help="the networks' weights, as for train; batch normalisation costs less where they are pretrained",
+    )
+    return made
+
+
+def _positive(text: str) -> int:
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 up")
+    return int(text)
+
+
+BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {"synthesis": synthesis}
+
+if __name__ == "__main__":
+    run(main)
