@@ -33,8 +33,8 @@ def _stderr_aside() -> Iterator[None]:
         os.close(kept)
 
 
-# While it is imported and looks for GPUs TensorFlow writes seven lines about oneDNN and CUDA to stderr whatever
-# its log level; after that the level keeps it to warnings.
+# While it is imported and looks for GPUs TensorFlow writes seven lines about oneDNN and CUDA to stderr
+# whatever its log level; after that the level keeps it to warnings.
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
 with _stderr_aside():
     import tensorflow
