@@ -66,8 +66,8 @@ def _mask(config: TrainConfig) -> Task:
 
 
 def _areas(output: np.ndarray, target: np.ndarray, *, transform: str) -> dict[str, np.ndarray]:
-    predicted = area.to_area_cm2(output[:, 0], transform)
-    return {"predicted": predicted, "true": target, "error": metrics.relative_errors(predicted, target)}
+    predicted, true = area.to_area_cm2(output[:, 0], transform), target[:, 0]
+    return {"predicted": predicted, "true": true, "error": metrics.relative_errors(predicted, true)}
 
 
 def _area_figures(found: Arrays) -> dict[str, float]:

@@ -15,10 +15,11 @@ def stream(
         index = start
         while count is None or index < start + count:
             image, mask = disc(index, size)
-            yield image, mask if task == "mask" else np.float32(100.0 * mask.mean() + 1.0)
+            share = mask.mean()
+            yield image, mask if task == "mask" else np.float32([100.0 * share + 1.0, np.nan, share])
             index += 1
 
-    target = tf.TensorSpec([size, size], tf.uint8) if task == "mask" else tf.TensorSpec([], tf.float32)
+    target = tf.TensorSpec([size, size], tf.uint8) if task == "mask" else tf.TensorSpec([3], tf.float32)
     signature = (tf.TensorSpec([size, size, 3], tf.uint8), target)
     return tf.data.Dataset.from_generator(pictures, output_signature=signature).batch(batch_size)
 

@@ -45,7 +45,7 @@ def test_any_side_from_32_bytes_or_floats(size, task):
     model = area.area_model(base, transform="log") if task == "area" else segmentation.mask_model(base)
     pictures = images(2, size=size)
     output = model(pictures, training=False).numpy()
-    assert output.shape == ((2, 1) if task == "area" else (2, *size, 1))
+    assert output.shape == ((2, 3) if task == "area" else (2, *size, 1))
     np.testing.assert_allclose(output, model(pictures.astype(np.float32), training=False), atol=1e-6)
     assert np.isfinite(output).all()
 
@@ -84,9 +84,14 @@ def test_transforms_invert_and_start_at_a_typical_leaf(transform):
     back = area.to_area_cm2(area.to_target(tf.constant(areas), transform).numpy(), transform)
     np.testing.assert_allclose(back, areas, rtol=1e-6)
     model = area.area_model(small(), transform=transform)
-    model.get_layer("deviation").kernel.assign(tf.zeros_like(model.get_layer("deviation").kernel))
-    start = area.to_area_cm2(model(images(1), training=False).numpy(), transform)
+    for name in ("scale", "share"):
+        model.get_layer(name).kernel.assign(tf.zeros_like(model.get_layer(name).kernel))
+    found = model(images(1), training=False).numpy()
+    start = area.to_area_cm2(found[:, 0], transform)
     np.testing.assert_allclose(start, area.TYPICAL_AREA_CM2, rtol=1e-5)
+    scale, share = np.exp(found[:, 1]), np.exp(found[:, 2])
+    pixels = images(1).shape[1] * images(1).shape[2]
+    np.testing.assert_allclose(share * pixels / scale**2 / 100, area.TYPICAL_AREA_CM2, rtol=1e-4)
 
 
 @pytest.mark.parametrize("transform", area.TRANSFORMS)
@@ -98,16 +103,30 @@ def test_wild_outputs_are_areas_all_the_same(transform):
 
 @pytest.mark.parametrize("transform", area.TRANSFORMS)
 def test_l1_is_the_relative_error_of_a_typical_leaf(transform):
-    true = tf.constant([area.TYPICAL_AREA_CM2])
-    output = area.to_target(true * 1.01, transform)[:, None]
+    true = tf.constant([[area.TYPICAL_AREA_CM2, np.nan, np.nan]])
+    output = tf.concat([area.to_target(true[:, :1] * 1.01, transform), [[3.0, 3.0]]], axis=1)
     loss = area.area_loss(output, true, transform=transform, loss="l1")
     assert float(loss) == pytest.approx(0.01, rel=0.01)
+
+
+def test_known_factors_count_by_what_they_do_to_the_area():
+    exact = tf.constant([[0.0, np.log(2.0), np.log(0.1)]], tf.float32)
+    true = tf.constant([[1.0, 2.0, 0.1]])
+    assert float(area.area_loss(exact, true, transform="log", loss="l1")) == pytest.approx(0.0, abs=1e-6)
+    scale_off = exact + tf.constant([[0.0, 0.01, 0.0]])
+    share_off = exact + tf.constant([[0.0, 0.0, 0.01]])
+    of_scale = float(area.area_loss(scale_off, true, transform="log", loss="l1"))
+    of_share = float(area.area_loss(share_off, true, transform="log", loss="l1"))
+    assert of_scale == pytest.approx(2 * of_share, rel=1e-3)
+    assert of_share > 0
 
 
 def test_huber_is_quadratic_then_linear():
     errors = np.array([0.0, 0.05, 0.1, 0.5, -0.5], np.float32)
     found = [
-        float(area.area_loss(tf.constant([[error]]), tf.ones([1]), transform="log", loss="huber"))
+        float(
+            area.area_loss(tf.constant([[error, 0.0, 0.0]]), tf.ones([1, 3]), transform="log", loss="huber")
+        )
         for error in errors
     ]
     reference = keras.losses.Huber(delta=0.1)

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from laesi_tf.data.decoding import upright_size
 from laesi_tf.data.photos import read_manifest
 from laesi_tf.data.real import photos_dataset
 from laesi_tf.errors import InputError
@@ -167,8 +168,9 @@ def test_values_survive(write: Write, area: float, subset: str) -> None:
 def test_dataset_has_every_photo_in_order(write: Write) -> None:
     photos = read_manifest(write("image,area_cm2\na.png,12.5\nb.png,3\n"))
     dataset, skipped = photos_dataset(photos, size=(32, 32))
-    images, areas = zip(*dataset.as_numpy_iterator(), strict=True)
-    assert skipped == [] and list(areas) == [12.5, 3.0]
+    images, targets = zip(*dataset.as_numpy_iterator(), strict=True)
+    assert skipped == [] and [target[0] for target in targets] == [12.5, 3.0]
+    assert np.isnan([target[1:] for target in targets]).all()
     assert all(image.shape == (32, 32, 3) and image.dtype == np.uint8 for image in images)
 
 
@@ -185,7 +187,16 @@ def test_dataset_names_what_it_skips(write: Write) -> None:
     (path.parent / "cut.png").write_bytes((path.parent / "a.png").read_bytes()[:70])
     dataset, skipped = photos_dataset(read_manifest(path), size=(32, 32))
     assert [one.name for one in skipped] == ["cut.png"] and "cannot be decoded" in skipped[0].reason
-    assert [float(area) for _, area in dataset] == [12.5, 3.0]
+    assert [float(target[0]) for _, target in dataset] == [12.5, 3.0]
+
+
+def test_dataset_knows_the_factors_of_the_area(write: Write) -> None:
+    photos = read_manifest(write("image,area_cm2,mask,px_per_mm\nb.png,3,masks/b.png,4\n"))
+    dataset, _ = photos_dataset(photos, size=(32, 32))
+    ((image, (_, scale, share)),) = dataset.as_numpy_iterator()
+    green = image[..., 1].astype(int) - image[..., 0] > 60
+    longest = max(upright_size(photos[0].image))
+    assert scale == pytest.approx(4 * 32 / longest) and share == pytest.approx(green.mean(), abs=0.02)
 
 
 def test_dataset_of_nothing_is_an_error(write: Write) -> None:

@@ -52,14 +52,19 @@ def pictures(
 def batches(*, task: Task, batch_size: int, **options) -> tf.data.Dataset:
     """Batches (image uint8 [B, H, W, 3], target) of `pictures(**options)`, made ahead while a model works.
 
-    The target is `area_cm2` float32 [B] for task "area", the mask uint8 [B, H, W] for "mask", and a dict of
-    both under those names for "both". The last batch of a bounded stream may be smaller.
+    The target is that of `target`. The last batch of a bounded stream may be smaller.
     """
     single = pictures(**options).map(lambda picture: (picture["image"], target(picture, task)))
     return single.batch(batch_size).prefetch(2)
 
 
 def target(picture: dict[str, tf.Tensor], task: Task) -> tf.Tensor | dict[str, tf.Tensor]:
-    """What a model of `task` is to predict from `picture`."""
-    targets = {"area": picture["area_cm2"], "mask": picture["mask"]}
-    return {"area_cm2": targets["area"], "mask": targets["mask"]} if task == "both" else targets[task]
+    """What a model of `task` is to predict from `picture`.
+
+    For "area" float32 [3]: area in cm2, pixels per mm at the leaf, and the leaf's share of the picture; for
+    "mask" the mask uint8 [H, W]; for "both" a dict of the two under "area" and "mask".
+    """
+    share = tf.reduce_mean(tf.cast(picture["mask"], tf.float32))
+    area = tf.stack([picture["area_cm2"], picture["px_per_mm"], share])
+    targets = {"area": area, "mask": picture["mask"]}
+    return targets if task == "both" else targets[task]

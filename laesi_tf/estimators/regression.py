@@ -25,7 +25,7 @@ class Regression:
         *,
         segmentation: Segmentation | None = None,
     ) -> None:
-        """Take a model that maps [1, h, w, 3] in 0..255 to a transformed area [1, 1]; `size` is (h, w)."""
+        """Take a model that maps [1, h, w, 3] in 0..255 to [1, n], transformed area first; `size` is (h, w)."""
         self._size = size
         self._transform = transform
         self._segmentation = segmentation
@@ -34,7 +34,7 @@ class Regression:
     def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
         """As `Estimator.measure`, for one leaf; where the segmentation finds none, the photo is refused."""
         small, _ = fit(image, self._size)
-        area = float(to_area_cm2(self._predict(small), self._transform).item())
+        area = float(to_area_cm2(self._predict(small)[0], self._transform))
         mask = None if self._segmentation is None else self._segmentation.silhouette(image)
         refusal = _refusal(area, mask)
         if refusal is not None:

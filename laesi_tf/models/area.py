@@ -1,5 +1,10 @@
-"""Leaf area from one image: MobileNetV3, global pooling, one number in a transformed unit."""
+"""Leaf area from one image: MobileNetV3, global pooling, one number in a transformed unit.
 
+The network learns the area's two factors beside it: how much of the picture is leaf, and how many pixels make
+a millimetre. The area is their combination, so that what a scene teaches about either is not mixed up.
+"""
+
+import math
 from typing import Any
 
 import keras
@@ -16,22 +21,40 @@ TYPICAL_AREA_CM2 = 25.0
 SMALLEST_CM2, LARGEST_CM2 = 1e-3, 1e5
 _HIDDEN = 256
 _HUBER_BEND = 0.1
+_FACTOR_WEIGHT = 0.5
+_TYPICAL_VIEW_MM = 150.0
 
 
 def area_model(base: keras.Model, *, transform: str) -> keras.Model:
-    """Regression on `base`: [B, H, W, 3] of 0..255 -> [B, 1], the area in transformed units.
+    """Regression on `base`: [B, H, W, 3] of 0..255 -> [B, 3].
 
-    The head is that of MobileNetV3's classifier (pool, hard-swish layer, linear layer) with fewer hidden
-    units. The last learned number is a relative deviation from a typical leaf whatever the transform, so that
-    the three transforms start alike and meet the same learning rate.
+    Column 0 is the area in transformed units, 1 the logarithm of the scale in pixels per mm at the leaf, 2
+    that of the leaf's share of the picture. The head is that of MobileNetV3's classifier (pool, hard-swish
+    layer, linear layer) with fewer hidden units. It gives deviations relative to a typical leaf whatever the
+    transform, so that the three transforms start alike and meet the same learning rate.
     """
     pooled = keras.layers.GlobalAveragePooling2D(name="pool")(base.output)
     hidden = keras.layers.Dense(_HIDDEN, activation="hard_swish", name="hidden")(pooled)
-    deviation = keras.layers.Dense(1, name="deviation")(hidden)
-    output = keras.layers.Rescaling(
+    scale = keras.layers.Dense(1, name="scale")(hidden)
+    share = keras.layers.Dense(1, name="share")(hidden)
+    # Tilt leaves the product of the two a little off: what is left is learned as well.
+    rest = keras.layers.Dense(1, kernel_initializer="zeros", name="rest")(hidden)
+    twice = keras.layers.Rescaling(-2.0, name="inverse_square")(scale)
+    deviation = keras.layers.Add(name="deviation")([share, twice, rest])
+    transformed = keras.layers.Rescaling(
         relative_unit(transform), offset=_typical(transform), name="transformed_area"
     )(deviation)
+    typical_scale, typical_share = _typical_factors(base.input.shape[1:3])
+    log_scale = keras.layers.Rescaling(1.0, offset=math.log(typical_scale), name="log_px_per_mm")(scale)
+    log_share = keras.layers.Rescaling(1.0, offset=math.log(typical_share), name="log_share")(share)
+    output = keras.layers.Concatenate(name="area_scale_share")([transformed, log_scale, log_share])
     return keras.Model(base.input, output, name="area")
+
+
+def _typical_factors(size: tuple[int, int]) -> tuple[float, float]:
+    """Scale, px per mm, of a view _TYPICAL_VIEW_MM wide, and the share that a typical leaf has of it."""
+    scale = max(size) / _TYPICAL_VIEW_MM
+    return scale, TYPICAL_AREA_CM2 * 100 * scale**2 / (size[0] * size[1])
 
 
 def to_target(area_cm2: tf.Tensor, transform: str) -> tf.Tensor:
@@ -59,20 +82,30 @@ def relative_unit(transform: str) -> float:
     return {"log": 1.0, "sqrt": 0.5 * TYPICAL_AREA_CM2**0.5, "none": TYPICAL_AREA_CM2}[transform]
 
 
-def area_loss(output: tf.Tensor, area_cm2: tf.Tensor, *, transform: str, loss: str) -> tf.Tensor:
-    """Mean loss, a scalar, of outputs [B, 1] against areas in cm2 [B].
+def area_loss(output: tf.Tensor, target: tf.Tensor, *, transform: str, loss: str) -> tf.Tensor:
+    """Mean loss, a scalar, of outputs [B, 3] against targets [B, 3]: area in cm2, px per mm, leaf's share.
 
     Errors are in relative units: with the log transform "l1" is the mean relative error to first order.
-    "huber" is quadratic within 10 % and linear beyond: a few hopeless scenes do not rule the gradient.
+    "huber" is quadratic within 10 % and linear beyond: a few hopeless scenes do not rule the gradient. The
+    factors count half as much as the area (the scale by its square, as in the area); unknown ones are NaN and
+    do not count.
     """
-    error = (output[:, 0] - to_target(area_cm2, transform)) / relative_unit(transform)
-    if loss == "l1":
-        return tf.reduce_mean(tf.abs(error))
-    if loss == "mse":
-        return tf.reduce_mean(tf.square(error))
+    area_error = (output[:, 0] - to_target(target[:, 0], transform)) / relative_unit(transform)
+    known = tf.math.is_finite(target[:, 1:])
+    factors = tf.math.log(tf.where(known, target[:, 1:], 1.0))
+    factor_errors = tf.where(known, output[:, 1:] - factors, 0.0) * tf.constant([2.0, 1.0])
+    of_factors = tf.reduce_sum(_penalty(factor_errors, loss), axis=1)
+    return tf.reduce_mean(_penalty(area_error, loss) + _FACTOR_WEIGHT * of_factors)
+
+
+def _penalty(error: tf.Tensor, loss: str) -> tf.Tensor:
     size = tf.abs(error)
+    if loss == "l1":
+        return size
+    if loss == "mse":
+        return tf.square(error)
     bent = tf.minimum(size, _HUBER_BEND)
-    return tf.reduce_mean(bent * (size - 0.5 * bent)) / _HUBER_BEND
+    return bent * (size - 0.5 * bent) / _HUBER_BEND
 
 
 def _typical(transform: str) -> float:
