@@ -129,9 +129,7 @@ def component_us(
     """
     names = [name for name in COMPONENTS if every.has(name)]
     kinds = [every, *(dataclasses.replace(every, without=every.without | {name}) for name in names)]
-    makers = [_maker(ranges, seed, size) for ranges in kinds]
-    for maker in progress(makers, desc="tracing", unit="component"):
-        maker(tf.constant(0, tf.int64))
+    makers = [_maker(ranges, seed, size) for ranges in progress(kinds, desc="tracing", unit="component")]
     medians = []
     for turn in progress(range(repeats), desc="components", unit="turn"):
         spent = np.array([_cpu_us(makers, index) for index in range(turn * images, (turn + 1) * images)])
@@ -196,7 +194,11 @@ def _stream(
 
 
 def _maker(ranges: Ranges, seed: int, size: Size) -> Callable[[tf.Tensor], dict[str, tf.Tensor]]:
-    return tf.function(lambda index: synthesise(seed, size=size, ranges=ranges, index=index))
+    """A graph from an index to its picture, ready to be timed."""
+    traced = tf.function(lambda index: synthesise(seed, size=size, ranges=ranges, index=index))
+    made = traced.get_concrete_function(tf.TensorSpec([], tf.int64))
+    made(tf.constant(0, tf.int64))  # the first call optimises the graph
+    return made
 
 
 def _cpu_us(makers: Sequence[Callable[[tf.Tensor], Any]], index: int) -> list[float]:

@@ -94,5 +94,5 @@ def _least_saturation(saturation: np.ndarray) -> float:
     """Saturation 0..255 that tells leaf from ground: between the two where they are apart, else low."""
     between, _ = cv2.threshold(saturation, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     high = saturation > between
-    apart = high.any() and saturation[high].mean() - saturation[~high].mean() > 50
+    apart = 0 < high.mean() < 1 and saturation[high].mean() - saturation[~high].mean() > 50
     return max(40.0, between) if apart else 40.0

@@ -1,0 +1,241 @@
+"""Pictures as a whole: the label is true, at the extremes of every range too; each component shows."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator
+
+import cv2
+import numpy as np
+import pytest
+import tensorflow as tf
+from scenes import RENDERING_2, ROOMS, bounds, changed, difference, only, specs
+
+from laesi_tf.data.synthetic import pictures
+from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render, sample, synthesise
+from laesi_tf.synthesis.editing import every_component
+from laesi_tf.synthesis.keys import Purpose
+from laesi_tf.synthesis.ranges import Chance, count, draw_one_of, numbers
+from laesi_tf.synthesis.scene import geometry, leaf_edges
+
+SINGLY = RENDERING_2.with_passes(1)
+FULL = every_component(SINGLY)
+KINDS = [kind for _, kind in SINGLY.leaf.values()]
+SMALL = (96, 96)
+
+
+def mask_mm2(mask: np.ndarray, to_px: np.ndarray) -> float:
+    """Area on the sheet under the pixels of `mask` [H, W]: each pixel's size follows from the homography."""
+    rows, columns = np.nonzero(mask)
+    pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))]).astype(np.float64)
+    matrix = to_px.astype(np.float64)
+    x, y, w = np.linalg.inv(matrix) @ pixels
+    depth = matrix[2] @ np.stack([x / w, y / w, np.ones_like(w)])
+    return float(np.sum(np.abs(depth**3 / np.linalg.det(matrix))))
+
+
+def test_mask_and_label_agree_on_200_untilted_scenes() -> None:
+    flat = changed(only(ranges=SINGLY), "camera", tilted=Chance(0.0))
+    errors = []
+    for made in pictures(seed=11, size=(1024, 1024), ranges=flat, count=200).as_numpy_iterator():
+        found = made["mask"].sum(dtype=np.int64) / made["px_per_mm"] ** 2 / 100
+        errors.append(abs(found - made["area_cm2"]) / made["area_cm2"])
+        assert largest_piece(made["mask"]) > 0.99
+    assert np.mean(errors) <= 0.003 and np.max(errors) <= 0.01
+
+
+def test_mask_and_label_agree_on_tilted_scenes() -> None:
+    tilted = changed(only(ranges=SINGLY), "camera", tilted=Chance(1.0), tilt_deg=(10, 20))
+    errors, naive = [], []
+    for made in pictures(seed=12, size=(768, 640), ranges=tilted, count=40).as_numpy_iterator():
+        found = mask_mm2(made["mask"], made["to_px"]) / 100
+        errors.append(abs(found - made["area_cm2"]) / made["area_cm2"])
+        flat = made["mask"].sum(dtype=np.int64) / made["px_per_mm"] ** 2 / 100
+        naive.append(abs(flat - made["area_cm2"]) / made["area_cm2"])
+    assert np.mean(errors) <= 0.003 and np.max(errors) <= 0.01
+    assert np.max(naive) > 0.01  # tilt matters: one scale for the whole picture would not do
+
+
+@pytest.fixture(scope="module")
+def pinned() -> Callable[..., dict[str, tf.Tensor]]:
+    """Picture `index` with leaf kind `kind` and number `which` of `specs` set to `value`."""
+
+    @tf.function
+    def make(index: tf.Tensor, kind: tf.Tensor, which: tf.Tensor, value: tf.Tensor) -> dict[str, tf.Tensor]:
+        scene = sample(5, index, SINGLY)
+        uniform = scene.key.uniform([count(KINDS[0])], Purpose.SCENE)
+        scene = dataclasses.replace(scene, leaf=draw_one_of(KINDS, kind, uniform))
+        return render(_set(scene, which, value), (160, 160), SINGLY)
+
+    return make
+
+
+def _numbered() -> Iterator[tuple[int, str, str]]:
+    """(number, room, field) of each field of a scene."""
+    places = [(room, field) for room in (*ROOMS, "leaf") for field in _fields(room)]
+    yield from ((number, room, field) for number, (room, field) in enumerate(places))
+
+
+def _fields(room: str) -> list[str]:
+    return list(numbers(KINDS[0] if room == "leaf" else getattr(SINGLY, room)))
+
+
+def _set(scene: Scene, which: tf.Tensor, value: tf.Tensor) -> Scene:
+    rooms = {room: getattr(scene, room) for room in (*ROOMS, "leaf")}
+    for number, room, field in _numbered():
+        drawn = getattr(rooms[room], field)
+        chosen = value > 0.5 if drawn.dtype == tf.bool else value
+        rooms[room] = dataclasses.replace(rooms[room], **{field: tf.where(which == number, chosen, drawn)})
+    return dataclasses.replace(scene, **rooms)
+
+
+def _extremes() -> Iterator[tuple[str, int, int, float]]:
+    """(name, kind of leaf, number, value) at both ends of every range of every room and kind of leaf."""
+    number = {(room, field): n for n, room, field in _numbered()}
+    kinds = {f"leaf.{name}": k for k, name in enumerate(SINGLY.leaf)}
+    seen = set()
+    for place, (room, field, spec) in enumerate(specs(SINGLY)):
+        kind = kinds.get(room, place % len(KINDS))
+        which = number[room.split(".")[0], field]
+        for value in bounds(spec):
+            # Ends that several kinds of leaf share are looked at once.
+            if (which, value) not in seen:
+                yield f"{room}.{field} = {value}", kind, which, float(value)
+            seen.add((which, value))
+
+
+def test_pictures_at_the_extremes_of_every_range(pinned: Callable[..., dict[str, tf.Tensor]]) -> None:
+    for index, (name, kind, which, value) in enumerate(_extremes()):
+        made = pinned(tf.constant(index, tf.int64), tf.constant(kind), tf.constant(which), tf.constant(value))
+        require_sound(
+            name, *(made[key].numpy() for key in ("image", "mask", "area_cm2", "px_per_mm", "to_px"))
+        )
+
+
+def require_sound(
+    name: str, image: np.ndarray, mask: np.ndarray, area_cm2: float, px_per_mm: float, to_px: np.ndarray
+) -> None:
+    """Finite, in range, not empty, the leaf in one piece and inside the frame, mask and label alike."""
+    side = image.shape[0]
+    assert image.std() > 0.5, name
+    assert np.isfinite([area_cm2, px_per_mm, *to_px.ravel()]).all(), name
+    assert 0.3 < area_cm2 < 250, name
+    # Tilt and the need to hold the leaf make the view wider than its limit; tilt makes it a little closer.
+    assert side / 400 < px_per_mm < 1.1 * side / 70, name
+    border = np.concatenate([mask[[0, -1]].ravel(), mask[:, [0, -1]].ravel()])
+    assert set(np.unique(mask)) == {0, 1} and not border.any(), name
+    assert mask_mm2(mask, to_px) / 100 == pytest.approx(area_cm2, rel=0.06, abs=0.15), name
+    assert largest_piece(mask) > 0.97, name
+
+
+def largest_piece(mask: np.ndarray) -> float:
+    """Share of `mask` in its largest piece: petioles under a pixel wide may break off at this size."""
+    sizes = cv2.connectedComponentsWithStats(mask)[2][1:, cv2.CC_STAT_AREA]
+    return sizes.max() / sizes.sum()
+
+
+def test_outline_lies_within_the_frame() -> None:
+    for index in range(40):
+        edges = leaf_edges(geometry(sample(6, index, SINGLY), (200, 300)), (200, 300)).numpy()
+        corners = edges.reshape(-1, 2)
+        assert (corners >= [6 - 0.1, 4 - 0.1]).all() and (corners <= [294.1, 196.1]).all()
+
+
+@pytest.mark.parametrize("component", COMPONENTS)
+def test_each_component_shows_and_leaves_mask_and_label_alone(component: str) -> None:
+    strong = changed(FULL, "surface", undulation=(0.7, 1.0))
+    strong = changed(strong, "light", relief=(0.6, 0.9))
+    strong = changed(strong, "camera", fill=(0.35, 0.45), blur_mm=0.25, place_x=0.5, place_y=0.5)
+    strong = changed(strong, "props", gap_mm=(2, 4))
+    without = dataclasses.replace(strong, without=frozenset({component}))
+    size = (320, 320) if component == "focus" else SMALL  # blur of a quarter millimetre needs pixels
+    shown = []
+    for index in range(2):
+        full, lacking = (synthesise(7, size=size, ranges=r, index=index) for r in (strong, without))
+        for key in set(full) - {"image"}:
+            np.testing.assert_array_equal(full[key], lacking[key], err_msg=key)
+        shown.append(np.mean(difference(full["image"], lacking["image"]) >= 2))
+    assert max(shown) > 0.001
+
+
+PRESENCE = {
+    "crease": ("paper", "creased"),
+    "desk": ("paper", "edged"),
+    **{name: ("props", name) for name in ("fragment", "label", "pen", "coin", "handwriting")},
+    "browned_margin": ("surface", "margin_browned"),
+    "spots": ("surface", "spotted"),
+    "glass": ("light", "glass"),
+    "focus": ("camera", "blurred"),
+    "chroma_softness": ("camera", "compressed"),
+}
+
+
+@pytest.mark.parametrize("component", PRESENCE)
+def test_no_chance_is_the_same_as_left_out(component: str) -> None:
+    room, field = PRESENCE[component]
+    never = changed(FULL, room, **{field: Chance(0.0)})
+    without = dataclasses.replace(FULL, without=frozenset({component}))
+    made = [synthesise(7, size=SMALL, ranges=ranges, index=1)["image"] for ranges in (never, without)]
+    assert difference(*made).max() <= 1
+
+
+def test_lighting_passes_share_all_but_the_light() -> None:
+    made = [synthesise(8, size=SMALL, index=index) for index in range(5)]
+    for one, other in itertools.pairwise(made[:4]):
+        for key in ("mask", "area_cm2", "px_per_mm", "to_px"):
+            np.testing.assert_array_equal(one[key], other[key])
+        assert np.mean(difference(one["image"], other["image"]) > 3) > 0.2
+    assert float(made[4]["area_cm2"]) != float(made[0]["area_cm2"])
+
+
+@pytest.mark.parametrize("size", [(64, 64), (160, 96), (100, 230), (512, 512)])
+def test_label_is_the_same_at_every_size(size: tuple[int, int]) -> None:
+    for index in (0, 4, 8):
+        reference, other = (synthesise(9, size=s, index=index) for s in ((224, 224), size))
+        assert other["image"].shape == (*size, 3) and other["mask"].shape == size
+        assert reference["area_cm2"].numpy() == other["area_cm2"].numpy()
+
+
+def test_scale_grows_with_the_picture() -> None:
+    small, large = (synthesise(9, size=(side, side), index=0) for side in (128, 384))
+    assert float(large["px_per_mm"]) == pytest.approx(3 * float(small["px_per_mm"]), rel=1e-4)
+    shrunk = cv2.resize(large["mask"].numpy().astype(np.float32), (128, 128), interpolation=cv2.INTER_AREA)
+    assert np.mean((shrunk > 0.5) != small["mask"].numpy()) < 0.005
+
+
+def test_seeds_and_indices_make_other_scenes() -> None:
+    places = itertools.product((0, 1), (0, 4, 8))
+    areas = {float(synthesise(seed, size=(32, 32), index=index)["area_cm2"]) for seed, index in places}
+    assert len(areas) == 6
+
+
+def test_numbers_are_drawn_from_their_ranges() -> None:
+    drawn = tf.function(lambda index: _flat(sample(0, index, SINGLY)))
+    table = np.stack([drawn(tf.constant(index, tf.int64)).numpy() for index in range(400)])
+    columns = [(room, field) for room in ROOMS for field in _fields(room)]
+    for (room, field), values in zip(columns, table.T, strict=True):
+        spec = getattr(getattr(SINGLY, room), field)
+        if isinstance(spec, Chance):
+            assert values.mean() == pytest.approx(spec.p, abs=0.1), field
+            continue
+        low, high = bounds(spec)
+        assert low - 1e-5 <= values.min() and values.max() <= high + 1e-5, field
+        assert np.ptp(values) >= 0.95 * (high - low), field
+        assert values.mean() == pytest.approx((low + high) / 2, abs=max(0.08 * (high - low), 1e-5)), field
+
+
+def _flat(scene: Scene) -> tf.Tensor:
+    values = [getattr(getattr(scene, room), field) for room in ROOMS for field in _fields(room)]
+    return tf.stack([tf.cast(value, tf.float32) for value in values])
+
+
+def test_kinds_of_leaves_come_as_often_as_their_weights() -> None:
+    lengths = {"beech": (10.0, 11.0), "oak": (20.0, 21.0), "ovate": (30.0, 31.0)}
+    weights = {"beech": 3.0, "oak": 1.0, "ovate": 0.0}
+    leaf = {
+        name: (weights[name], dataclasses.replace(SINGLY.leaf[name][1], length_mm=length))
+        for name, length in lengths.items()
+    }
+    ranges: Ranges = dataclasses.replace(SINGLY, leaf=leaf)
+    length = tf.function(lambda index: sample(0, index, ranges).leaf.length_mm)
+    drawn = np.array([float(length(tf.constant(index, tf.int64))) for index in range(400)])
+    assert np.mean(drawn < 15) == pytest.approx(0.75, abs=0.06) and drawn.max() < 25
