@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from conformance import EstimatorConformance
 from green import area_network, disk, mask_network, photo, save_run
+from sheets import drawn, jacobian
 
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import Estimator, Known, Regression, Segmentation, load_estimator
+from laesi_tf.estimators import Estimator, Known, Reading, Regression, Segmentation, load_estimator
 
 SIZE = (64, 64)
 
@@ -29,12 +30,45 @@ class TestSegmentation(EstimatorConformance):
         return Segmentation(mask_network(SIZE), SIZE)
 
 
-class TestRegressionWithOutline(EstimatorConformance):
+class TestReading(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
         segmentation = Segmentation(mask_network((48, 64)), (48, 64))
-        return Regression(area_network(SIZE), SIZE, "none", segmentation=segmentation)
+        return Reading(segmentation, Regression(area_network(SIZE), SIZE, "none"))
+
+
+class TestReadingAlone(EstimatorConformance):
+    @pytest.fixture(scope="class")
+    @classmethod
+    def estimator(cls) -> Estimator:
+        return Reading(Segmentation(mask_network(SIZE), SIZE))
+
+
+def test_reading_measures_a_disk_on_drawn_paper() -> None:
+    image, forward = drawn(px_per_mm=5.0, turn=0.4, tilt=(0.1, -0.05))
+    leaf = disk(*image.shape[:2], radius=0.2)
+    image[leaf] = (40, 160, 40)
+    measured = Reading(Segmentation(mask_network((192, 192)), (192, 192))).measure(image)
+    points = np.argwhere(leaf)[:, ::-1] + 0.5
+    true = sum(jacobian(forward, point) for point in points[::20]) * 20 / 100
+    assert measured.refusal is None and measured.method == "ruling x silhouette"
+    assert measured.area_cm2 == pytest.approx(true, rel=0.02)
+    (found,) = measured.leaves
+    assert found.px_per_mm == pytest.approx(5.0, rel=0.02)
+    assert found.uncertainty_cm2 is not None and 0.001 * true < found.uncertainty_cm2 < 0.05 * true
+
+
+def test_reading_falls_back_and_says_so() -> None:
+    segmentation, regression = (
+        Segmentation(mask_network(SIZE), SIZE),
+        Regression(area_network(SIZE), SIZE, "none"),
+    )
+    measured = Reading(segmentation, regression).measure(photo(200, 200))
+    assert measured.method == "regression, no ruling read"
+    assert measured.area_cm2 == regression.measure(photo(200, 200)).area_cm2
+    alone = Reading(segmentation).measure(photo(200, 200))
+    assert alone.refusal is not None and "no ruling" in alone.refusal and alone.mask is not None
 
 
 def test_regression_sees_the_whole_photo_with_square_pixels() -> None:
@@ -87,7 +121,7 @@ def test_only_the_largest_piece_is_the_leaf() -> None:
 def test_no_leaf_is_refused() -> None:
     blank = np.full((100, 100, 3), 240, np.uint8)
     segmentation = Segmentation(mask_network(SIZE), SIZE)
-    for estimator in (segmentation, Regression(area_network(SIZE), SIZE, "none", segmentation=segmentation)):
+    for estimator in (segmentation, Reading(segmentation, Regression(area_network(SIZE), SIZE, "none"))):
         measured = estimator.measure(blank, Known(px_per_mm=4.0))
         assert measured.refusal is not None and "no leaf" in measured.refusal
         assert measured.mask is not None and not measured.mask.any()

@@ -4,18 +4,29 @@ from pathlib import Path
 
 from laesi_tf.errors import InputError
 from laesi_tf.estimators.base import Estimator, Known, Leaf, Measurement
+from laesi_tf.estimators.reading import Reading
 from laesi_tf.estimators.regression import Regression
 from laesi_tf.estimators.segmentation import Segmentation
 from laesi_tf.runs import load_run
 
-__all__ = ["Estimator", "Known", "Leaf", "Measurement", "Regression", "Segmentation", "load_estimator"]
+__all__ = [
+    "Estimator",
+    "Known",
+    "Leaf",
+    "Measurement",
+    "Reading",
+    "Regression",
+    "Segmentation",
+    "load_estimator",
+]
 
 
 def load_estimator(run: Path | str, *, mask_run: Path | str | None = None) -> Estimator:
     """Return the estimator that the training run in folder `run` is for.
 
-    A run of task `area` gives the regression, of task `mask` the segmentation. `mask_run`, a run of task
-    `mask`, adds outlines to a regression. Raises InputError.
+    A run of task `area` gives the regression. With `mask_run`, a run of task `mask`, beside it the ruling of
+    the paper is read and the regression stands in where it cannot be. A run of task `mask` alone gives the
+    segmentation, which needs a given scale. Raises InputError.
     """
     trained = load_run(Path(run))
     if trained.config.task == "mask":
@@ -24,12 +35,8 @@ def load_estimator(run: Path | str, *, mask_run: Path | str | None = None) -> Es
                 f"{run} is a mask model itself; name an area model beside the mask model {mask_run}"
             )
         return Segmentation(trained.model, trained.config.size)
-    return Regression(
-        trained.model,
-        trained.config.size,
-        trained.config.transform,
-        segmentation=None if mask_run is None else _segmentation(mask_run),
-    )
+    regression = Regression(trained.model, trained.config.size, trained.config.transform)
+    return regression if mask_run is None else Reading(_segmentation(mask_run), regression)
 
 
 def _segmentation(run: Path | str) -> Segmentation:

@@ -9,6 +9,10 @@ from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement, trace
 from laesi_tf.estimators.network import compiled
 
 METHOD = "mask x given scale"
+_ROOM = 1.3
+"""Side of the close view in units of the leaf's longer side."""
+_WORTHWHILE = 1.2
+"""A close view must enlarge the leaf at least this much."""
 NO_LEAF = "no leaf found; show one whole leaf on the paper"
 
 
@@ -21,6 +25,7 @@ class Segmentation:
     def __init__(self, model: keras.Model, size: tuple[int, int]) -> None:
         """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1]; `size` is (h, w)."""
         self._size = size
+        self.side = max(size)
         self._predict = compiled(model, size)
 
     def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
@@ -34,11 +39,39 @@ class Segmentation:
         return Measurement(method=METHOD, leaves=(leaf,), mask=mask, refusal=refusal)
 
     def silhouette(self, image: np.ndarray) -> np.ndarray:
-        """bool [H, W], True on the largest leaf of `image`, uint8 [H, W, 3]; all False where none is."""
+        """bool [H, W], True on the largest leaf of `image`, uint8 [H, W, 3]; all False where none is.
+
+        A leaf that is small in the photo is looked at twice, the second time as close as scenes are trained.
+        """
+        mask = self._find(image)
+        close = _around(mask)
+        if close is None:
+            return mask
+        closer = self._find(image[close])
+        if not closer.any():
+            return mask
+        result = np.zeros_like(mask)
+        result[close] = closer
+        return result
+
+    def _find(self, image: np.ndarray) -> np.ndarray:
         small, placement = fit(image, self._size)
         probability = self._predict(small)[:, :, 0]
         # Upsampled before the threshold, the margin follows the probabilities and shows no steps.
         return placement.to_photo(_largest(probability)) >= 0.5
+
+
+def _around(mask: np.ndarray) -> tuple[slice, slice] | None:
+    """The square that holds the leaf of `mask` with room around it; None where that would bring little."""
+    if not mask.any():
+        return None
+    spans = [np.flatnonzero(mask.any(axis=axis))[[0, -1]] for axis in (1, 0)]
+    side = round(_ROOM * max(high - low + 1 for low, high in spans))
+    if side * _WORTHWHILE > max(mask.shape):
+        return None
+    corners = [(low + high - side) // 2 for low, high in spans]
+    rows, columns = (slice(max(corner, 0), corner + side) for corner in corners)
+    return rows, columns
 
 
 def _largest(probability: np.ndarray) -> np.ndarray:
