@@ -65,6 +65,9 @@ class TrainConfig:
         choices=("recalibrated", "frozen"),
     )
     ranges: str = _field("rendering_2", "scenes: a preset's name or the PATH of a TOML file of ranges")
+    textures: str = _field(
+        "", "folder of leaf photographs whose texture is blended into the synthetic leaves; empty: none"
+    )
     lighting_passes: int = _field(1, "pictures of the same leaf in different light", low=1, high=64)
     seed: int = _field(0, "seed of scenes and initial weights", low=0, high=2**31 - 1)
     validate_every: int = _field(500, "steps between validations", low=1, high=10**9)

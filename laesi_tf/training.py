@@ -21,6 +21,7 @@ from laesi_tf import report, runs
 from laesi_tf.cli import progress as progress_bar
 from laesi_tf.config import TrainConfig
 from laesi_tf.data import synthetic
+from laesi_tf.data.textures import load_textures
 from laesi_tf.errors import InputError
 from laesi_tf.files import whole, write_json
 from laesi_tf.models import batch_norm
@@ -331,4 +332,5 @@ def _synthetic(config: TrainConfig, seed: int, start: int, count: int | None) ->
         start=start,
         count=count,
         passes=config.lighting_passes if count is None else 1,
+        textures=load_textures(config.textures) if config.textures else None,
     )

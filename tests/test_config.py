@@ -23,6 +23,7 @@ CHANGED = {
     "loss": "bce",
     "batch_norm": "frozen",
     "ranges": "rendering_1",
+    "textures": "leaves",
     "lighting_passes": 4,
     "seed": 3,
     "validate_every": 5,
