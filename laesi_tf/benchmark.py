@@ -313,7 +313,9 @@ def _synthesis_options() -> argparse.ArgumentParser:
     )
     made.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="where scenes come from")
     made.add_argument("--images", type=_positive, default=20000, metavar="N", help="pictures for the memory")
-    made.add_argument("--repeats", type=_positive, default=5, metavar="N", help="turns of each part")
+    made.add_argument(
+        "--repeats", type=_positive, default=5, metavar="N", help="turns of each part; one has no range"
+    )
     made.add_argument("--steps", type=_positive, default=20, metavar="N", help="timed steps per turn")
     made.add_argument(
         "--weights",
