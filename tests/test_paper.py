@@ -110,7 +110,7 @@ def test_a_distant_grid_does_not_alias() -> None:
     sheet = made["image"].numpy()[made["mask"].numpy() == 0].astype(float)
     near = synthesise(3, size=(224, 224), ranges=bare(farthest_mm=70, closest_mm=70), index=0)
     lined = near["image"].numpy()[near["mask"].numpy() == 0].astype(float)
-    assert sheet.std(axis=0).max() < 1.5 and lined.std(axis=0).max() > 8
+    assert sheet.std(axis=0).max() < 2.5 and lined.std(axis=0).max() > 8
 
 
 @settings(max_examples=30, deadline=None)

@@ -20,13 +20,16 @@ class Purpose(enum.IntEnum):
     SURFACE_VORONOI = 9
     SPOTS = 10
     PROPS = 11
-    HANDWRITING = 12
     ILLUMINATION = 13
     DESK = 14
     SENSOR = 15
     TEXTURE = 16
     PAPER_GRADIENT = 17
     MOTTLE = 18
+
+
+_PURPOSES = 64
+"""Room for purposes to come: adding one leaves every other stream as it was."""
 
 
 class Key:
@@ -40,7 +43,7 @@ class Key:
         self.index = tf.cast(index, tf.int64)
 
     def _state(self, purpose: Purpose) -> tf.Tensor:
-        return tf.stack([self.seed * len(Purpose) + int(purpose), self.index])
+        return tf.stack([self.seed * _PURPOSES + int(purpose), self.index])
 
     def uniform(self, shape: list[int], purpose: Purpose) -> tf.Tensor:
         """Uniform [0, 1) float32 numbers of `shape`."""

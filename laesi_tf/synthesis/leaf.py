@@ -200,7 +200,8 @@ def holes(leaf: Leaf, key: Key) -> tf.Tensor:
     """Outlines of the leaf's holes [HOLES, HOLE_POINTS, 2] mm, turning against `outline`.
 
     A hole that is absent has radius zero and so no area. Each has its own stretch of the midrib and stays
-    within the middle of the half-blade, so holes never meet each other or the margin.
+    within the middle of the half-blade, so holes never meet each other or the margin. Bitten leaves have
+    none: a bite may reach where a hole would be.
     """
     place = key.uniform([HOLES, 8], Purpose.HOLES)
     along = 0.28 + (tf.range(HOLES, dtype=tf.float32) + 0.2 + 0.6 * place[:, 0]) * (0.44 / HOLES)
@@ -209,7 +210,7 @@ def holes(leaf: Leaf, key: Key) -> tf.Tensor:
     across = side * half_width * (0.42 + 0.16 * place[:, 2])
     room = tf.minimum(half_width * 0.32, 0.4 * 0.44 / HOLES)
     radius = tf.minimum(leaf.hole_radius * (0.5 + place[:, 3]), room)
-    radius *= tf.cast(leaf.holed, tf.float32) * tf.cast(place[:, 4] < 0.6, tf.float32)
+    radius *= tf.cast(leaf.holed & ~leaf.bitten, tf.float32) * tf.cast(place[:, 4] < 0.6, tf.float32)
     angle = tf.constant(np.linspace(0, 2 * np.pi, HOLE_POINTS, endpoint=False), tf.float32)
     turns = place[:, 5:] * 6.3
     wobble = 1 + 0.15 * tf.sin(2 * angle + turns[:, :1]) + 0.08 * tf.sin(3 * angle + turns[:, 1:2])
@@ -315,8 +316,8 @@ def _bend(leaf: Leaf, along: tf.Tensor, across: tf.Tensor) -> tf.Tensor:
 def midrib(leaf: Leaf, along: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Points and unit tangents [..., 2] of the midrib `along` mm from the base; the petiole bends by itself.
 
-    The heading is a t + b t^2 (t in blade lengths); its integral is expanded to the order that keeps the
-    error under a thousandth of the length at the ends of the ranges.
+    The heading is a t + b t^2 (t in blade lengths); its integral is expanded to third order, which is
+    within 1 % of the length at the ends of the ranges: a matter of shape, not of the label.
     """
     t = along / leaf.length_mm
     change = leaf.bend * leaf.bend_change

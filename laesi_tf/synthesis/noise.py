@@ -36,10 +36,11 @@ def _spline(offsets: tf.Tensor) -> tf.Tensor:
 def upsample(lattice: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> tf.Tensor:
     """Interpolate a lattice [n, n] smoothly over a picture: [H, W].
 
-    `cells` defaults to as many as the lattice holds, n - 3: a spline reaches one node beyond each border.
+    `cells` defaults to as many as the lattice holds, n - 3, and is never more: a spline reaches one node
+    beyond each border.
     """
     nodes = lattice.shape[-1]
-    cells = nodes - 3 if cells is None else cells
+    cells = nodes - 3 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 3)
     down, across = (_spline(offsets + 1) for offsets in _offsets(frame, nodes, cells))
     return tf.linalg.matmul(down @ lattice, across, transpose_b=True)
 
@@ -58,7 +59,7 @@ def gradient(gradients: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | N
     Perlin's sum over the four corners of fade(x) fade(y) (g . d) is separable, hence four matrix products.
     """
     nodes = gradients.shape[-1]
-    cells = nodes - 1 if cells is None else cells
+    cells = nodes - 1 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 1)
     down, across = _offsets(frame, nodes, cells)
     down_weights, across_weights = (_fade(tf.maximum(1 - tf.abs(offsets), 0)) for offsets in (down, across))
     along_x = tf.linalg.matmul(down_weights @ gradients[0], across_weights * across * 1.4, transpose_b=True)

@@ -195,4 +195,4 @@ def _turns(position_mm: tf.Tensor) -> tf.Tensor:
 
 def _sinc(x: tf.Tensor) -> tf.Tensor:
     angle = math.pi * x
-    return tf.math.divide_no_nan(tf.sin(angle), angle)
+    return tf.where(angle == 0, 1.0, tf.math.divide_no_nan(tf.sin(angle), angle))

@@ -120,7 +120,9 @@ def _range(value: Any, start: Any, where: str) -> Any:
         if not isinstance(chance, int | float) or not 0 <= chance <= 1:
             raise InputError(f"{where} = {value!r} must be {{chance = p}} with p from 0 to 1")
         return Chance(float(chance))
-    pair = value if isinstance(value, list) else [value, value]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    pair = value if isinstance(value, list) else []
     if len(pair) != 2 or not all(isinstance(item, int | float) for item in pair) or pair[0] > pair[1]:
         raise InputError(f"{where} = {value!r} must be a number or [low, high]")
     return float(pair[0]), float(pair[1])

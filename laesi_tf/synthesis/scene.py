@@ -173,7 +173,9 @@ def render(
     corners = tf.reshape(edges, [-1, 2])
     leaf_window = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0), size)
     filled = raster.fill(edges - leaf_window.corner, leaf_window.frame)
-    inner_coverage = tf.clip_by_value(tf.abs(filled), 0, 1)
+    # The outline runs clockwise, which fills with -1. Where a margin crosses itself it turns the other way:
+    # that is leaf neither for the mask nor for the label.
+    inner_coverage = tf.clip_by_value(-filled, 0, 1)
     coverage = leaf_window.paste(inner_coverage, size)
     image = _sheet(scene, place, size, ranges)
     if ranges.has("shadow"):
