@@ -49,9 +49,14 @@ def main(arguments: Sequence[str]) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     made = parser("evaluate", __doc__)
-    made.add_argument("--model", type=Path, required=True, metavar="RUN", help="training run to score")
     made.add_argument(
-        "--mask-model", type=Path, metavar="RUN", help="training run of task mask, for mIoU and MPE"
+        "--model",
+        type=Path,
+        metavar="RUN",
+        help="training run to score (default: those that come with the package)",
+    )
+    made.add_argument(
+        "--mask-model", type=Path, metavar="RUN", help="training run of task mask: the ruling is read too"
     )
     made.add_argument(
         "--photos", type=Path, required=True, metavar="CSV", help="manifest: image,area_cm2,..."

@@ -18,6 +18,8 @@ Colour = tuple[int, int, int]
 # Neither colour is a leaf's, a ruling's or a common desk's; both hold on light and dark ground.
 FOUND: Colour = (255, 0, 160)
 TRUE: Colour = (0, 120, 255)
+GRID: Colour = (0, 200, 255)
+_MOST_LINES = 200
 
 # Pillow's own font lacks the superscript of cm² and most of what file names are written in.
 _FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
@@ -60,6 +62,30 @@ def captioned(picture: np.ndarray, lines: Sequence[str]) -> np.ndarray:
         text, fitting = _fitted(line, font, width - 2 * margin)
         draw.text((margin, height + step // 6 + number * step), text, fill="black", font=fitting)
     return np.asarray(framed)
+
+
+def gridded(image: np.ndarray, to_mm: np.ndarray, *, step_mm: float = 10.0) -> np.ndarray:
+    """`image` [H, W, 3] with a square lattice of the sheet over it: its lines run and fan out as the ruling.
+
+    `to_mm` [3, 3] takes pixels, their centres at halves, to mm on the sheet, up to translation.
+    """
+    height, width = image.shape[:2]
+    corners = _mapped(to_mm, np.array([[0, 0], [width, 0], [width, height], [0, height]]))
+    box = np.stack([corners.min(axis=0), corners.max(axis=0)])
+    drawn, thickness = image.copy(), max(1, max(height, width) // 900)
+    for axis in (0, 1):
+        for place in np.arange(box[0, axis], box[1, axis], step_mm)[:_MOST_LINES]:
+            ends = box.copy()
+            ends[:, axis] = place
+            start, end = np.round(_mapped(np.linalg.inv(to_mm), ends) - 0.5).astype(int).tolist()
+            cv2.line(drawn, start, end, GRID, thickness, cv2.LINE_AA)
+    return drawn
+
+
+def _mapped(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """`points` [N, 2] through a homography [3, 3]."""
+    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
+    return mapped[:, :2] / mapped[:, 2:]
 
 
 def _fitted(line: str, font: ImageFont.FreeTypeFont, width: int) -> tuple[str, ImageFont.FreeTypeFont]:

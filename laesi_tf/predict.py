@@ -11,9 +11,9 @@ from laesi_tf.cli import parser, progress, run
 from laesi_tf.data.ahead import read_ahead
 from laesi_tf.data.decoding import SUFFIXES, decode
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import Estimator, Known, Measurement, load_estimator
+from laesi_tf.estimators import Estimator, Known, Leaf, Measurement, load_estimator
 from laesi_tf.files import require_writable, write_csv, write_json
-from laesi_tf.overlay import FOUND, SIDE, captioned, outlined, printable, write_png
+from laesi_tf.overlay import FOUND, SIDE, captioned, gridded, outlined, printable, write_png
 
 _OVERLAY = ".overlay.png"
 _COLUMNS = ("photo", "area_cm2", "px_per_mm", "method", "error")
@@ -42,7 +42,9 @@ def main(arguments: Sequence[str]) -> None:
     for path in (table, options.json):
         if path is not None:
             require_writable(path)
-    rows = predict(estimator, photos, known=Known(px_per_mm=options.px_per_mm), out=options.out)
+    rows = predict(
+        estimator, photos, known=Known(px_per_mm=options.px_per_mm, grid_mm=options.grid_mm), out=options.out
+    )
     write_csv(table, [*_COLUMNS, "overlay"], ([*_record(row).values(), row.overlay] for row in rows))
     if options.json is not None:
         write_json(options.json, [_record(row) for row in rows])
@@ -73,15 +75,23 @@ def predict(estimator: Estimator, photos: Sequence[Path], *, known: Known, out: 
 def _parser() -> argparse.ArgumentParser:
     made = parser("predict", __doc__)
     made.add_argument("photos", nargs="+", type=Path, metavar="PHOTO", help="a photo, or a folder of photos")
-    made.add_argument("--model", type=Path, required=True, metavar="RUN", help="training run that measures")
     made.add_argument(
-        "--mask-model", type=Path, metavar="RUN", help="training run of task mask, for outlines"
+        "--model",
+        type=Path,
+        metavar="RUN",
+        help="training run that measures (default: those that come with the package)",
+    )
+    made.add_argument(
+        "--mask-model", type=Path, metavar="RUN", help="training run of task mask: the ruling is read too"
     )
     made.add_argument(
         "--px-per-mm",
         type=_scale,
         metavar="N",
-        help="scale of all photos in pixels per mm, where it is known",
+        help="scale of all photos in pixels per mm, for a mask model alone",
+    )
+    made.add_argument(
+        "--grid-mm", type=_scale, default=1.0, metavar="MM", help="distance of the paper's finest lines"
     )
     made.add_argument(
         "--out",
@@ -99,7 +109,7 @@ def _scale(text: str) -> float:
     except ValueError:
         value = 0.0
     if not 0.0 < value < float("inf"):
-        raise InputError(f"--px-per-mm is {text!r}; give a number above 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
     return value
 
 
@@ -155,13 +165,21 @@ def _rows(photo: str, measurement: Measurement, overlay: str) -> list[Row]:
 
 def _picture(image: np.ndarray, measurement: Measurement, name: str) -> np.ndarray:
     outlines = [(leaf.outline, FOUND) for leaf in measurement.leaves if leaf.outline is not None]
-    areas = [f"{leaf.area_cm2:.2f} cm²" for leaf in measurement.leaves if leaf.area_cm2 is not None]
+    areas = [_area(leaf) for leaf in measurement.leaves if leaf.area_cm2 is not None]
     said = ", ".join(areas) if measurement.refusal is None else f"refused: {measurement.refusal}"
     # A small photo is enlarged until the text beneath it can be read.
     side = min(SIDE, max(SIDE // 2, *image.shape[:2]))
+    if measurement.to_mm is not None:
+        image = gridded(image, measurement.to_mm)
     return captioned(
         outlined(image, outlines, side=side), [said, f"{printable(name)}  ({measurement.method})"]
     )
+
+
+def _area(leaf: Leaf) -> str:
+    uncertainty = "" if leaf.uncertainty_cm2 is None else f" ± {leaf.uncertainty_cm2:.2f}"
+    scale = "" if leaf.px_per_mm is None else f" at {leaf.px_per_mm:.2f} px/mm"
+    return f"{leaf.area_cm2:.2f}{uncertainty} cm²{scale}"
 
 
 def _record(row: Row) -> dict[str, object]:

@@ -6,6 +6,7 @@ state.npz       variables and progress that a killed run continues from
 history.csv     one row per validation
 tensorboard/    the same for TensorBoard
 best.keras      the model with the best validation score
+weights.npz     in its place in an exported run: the same model's variables as float16
 metrics.json    its figures; written last, so its presence says that the run is finished
 report.html     all of it for reading
 """
@@ -16,8 +17,8 @@ import json
 import platform
 import subprocess
 import zipfile
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -30,9 +31,14 @@ from laesi_tf import config as configuration
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
 from laesi_tf.files import whole, write_text
+from laesi_tf.models.backbone import FROM_SCRATCH, backbone
+from laesi_tf.tasks import task
 
 CONFIG, RANGES, STATE, HISTORY = "config.toml", "ranges.toml", "state.npz", "history.csv"
 BEST, METRICS, REPORT, TENSORBOARD = "best.keras", "metrics.json", "report.html", "tensorboard"
+EXPORTED = "weights.npz"
+PRETRAINED = Path(__file__).parent / "pretrained"
+"""Folders `area` and `mask`: the exported runs that come with the package."""
 _PACKAGES = ("laesi_tf", "tensorflow", "keras", "numpy", "opencv-contrib-python-headless")
 
 
@@ -68,6 +74,8 @@ def load_run(path: Path | str) -> Run:
         raise InputError(f"no run in {path}: it has no {CONFIG}; name a folder that train wrote with --out")
     config = configuration.load(path / CONFIG)
     best = path / BEST
+    if (path / EXPORTED).is_file():
+        return Run(path, config, _exported(path / EXPORTED, config))
     if not best.is_file():
         raise InputError(f"run {path} has no {BEST} yet: let train reach its first validation")
     try:
@@ -75,6 +83,35 @@ def load_run(path: Path | str) -> Run:
     except Exception as error:  # zipfile, h5py, JSON and Keras each have their own
         raise InputError(f"{best} is broken or from another Keras version: train it again") from error
     return Run(path, config, model)
+
+
+def export(run: Run, out: Path) -> None:
+    """Write `run` into folder `out` as it is shipped: half the size, and without what only training needs."""
+    weights = {f"variable_{i}": variable.numpy().astype(np.float16) for i, variable in _numbered(run.model)}
+    with whole(out / EXPORTED) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **weights)
+    # A weights file is told by its name: where it lay is nobody else's business.
+    named = replace(run.config, weights=Path(run.config.weights).name)
+    configuration.write(out / CONFIG, named, configuration.read(run.path / CONFIG)[configuration.PROVENANCE])
+    if (run.path / METRICS).is_file():
+        write_text(out / METRICS, (run.path / METRICS).read_text(encoding="utf-8"))
+
+
+def _exported(path: Path, config: TrainConfig) -> keras.Model:
+    base, _ = backbone(config.backbone, size=config.size, alpha=config.alpha, weights=FROM_SCRATCH)
+    model = task(config).build(base)
+    try:
+        with np.load(path, allow_pickle=False) as saved:
+            for index, variable in _numbered(model):
+                variable.assign(saved[f"variable_{index}"].astype(np.float32))
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is broken or does not fit its {CONFIG}: export the run again") from error
+    return model
+
+
+def _numbered(model: keras.Model) -> Iterable[tuple[int, Any]]:
+    """The variables of a model that hold what it learned, statistics included, in its order."""
+    return enumerate(model.weights)
 
 
 def begin(path: Path, config: TrainConfig, origin: str) -> None:

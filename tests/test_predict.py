@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from green import photo, save_run
 from PIL import Image
+from sheets import drawn
 
 from laesi_tf import predict as command
 from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
+from laesi_tf.overlay import GRID, gridded
 
 Rows = list[dict[str, object]]
 PERCENT = 100 * math.pi * 0.3**2
@@ -131,3 +133,16 @@ def test_each_leaf_has_its_row(tmp_path: Path) -> None:
 
     rows = command.predict(Two(), [save(tmp_path / "a.png", 50, 50)], known=NOTHING, out=tmp_path)
     assert [(row.area_cm2, row.px_per_mm) for row in rows] == [(2.0, None), (3.0, 4.0)]
+
+
+def test_the_lattice_lies_on_the_lines_of_the_sheet() -> None:
+    image, forward = drawn(px_per_mm=6.0, turn=0.2, tilt=(0.1, 0.05))
+    plain = np.full_like(image, 255)
+    lattice = gridded(plain, forward)[..., 0] < 100  # from white to GRID's red
+    assert GRID[0] == 0
+    rows, columns = np.nonzero(lattice)
+    u, v, w = forward @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
+    corners = forward @ np.array([[0, 600, 600, 0], [0, 0, 600, 600], [1, 1, 1, 1]])
+    low = (corners[:2] / corners[2]).min(axis=1)
+    off = [np.abs((place - start + 5) % 10 - 5) for place, start in zip((u / w, v / w), low, strict=True)]
+    assert lattice.any() and np.minimum(*off).max() < 0.3

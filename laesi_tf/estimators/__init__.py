@@ -7,7 +7,7 @@ from laesi_tf.estimators.base import Estimator, Known, Leaf, Measurement
 from laesi_tf.estimators.reading import Reading
 from laesi_tf.estimators.regression import Regression
 from laesi_tf.estimators.segmentation import Segmentation
-from laesi_tf.runs import load_run
+from laesi_tf.runs import PRETRAINED, load_run
 
 __all__ = [
     "Estimator",
@@ -21,13 +21,15 @@ __all__ = [
 ]
 
 
-def load_estimator(run: Path | str, *, mask_run: Path | str | None = None) -> Estimator:
-    """Return the estimator that the training run in folder `run` is for.
+def load_estimator(run: Path | str | None = None, *, mask_run: Path | str | None = None) -> Estimator:
+    """Return the estimator that the training run in folder `run` is for; without one, of the shipped runs.
 
     A run of task `area` gives the regression. With `mask_run`, a run of task `mask`, beside it the ruling of
     the paper is read and the regression stands in where it cannot be. A run of task `mask` alone gives the
     segmentation, which needs a given scale. Raises InputError.
     """
+    if run is None:
+        run, mask_run = PRETRAINED / "area", mask_run or PRETRAINED / "mask"
     trained = load_run(Path(run))
     if trained.config.task == "mask":
         if mask_run is not None:

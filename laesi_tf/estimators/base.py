@@ -50,6 +50,8 @@ class Measurement:
     leaves: tuple[Leaf, ...] = ()
     mask: np.ndarray | None = None
     """bool [H, W] at the photo's size, True on any leaf; None from an estimator that makes no masks."""
+    to_mm: np.ndarray | None = None
+    """Homography [3, 3] from photo pixels, their centres at halves, to mm on the sheet; None if not found."""
     refusal: str | None = None
     """Why no area is given and what would help, or None."""
 

@@ -32,12 +32,12 @@ class Reading:
         mask = self._segmentation.silhouette(image)
         if not mask.any():
             return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
-        # The network learned its scale on millimetre paper; on other paper it would mislead.
+        # The network learned its scale on millimetre paper; other paper would mislead it.
         adviser = self._regression if known.grid_mm == 1 else None
         about = None if adviser is None else adviser.px_per_mm(image)
         ruling = read_ruling(image, leaf=mask, grid_mm=known.grid_mm, about=about)
         if ruling is None:
-            return self._without_ruling(image, mask)
+            return self._without_ruling(image, mask, adviser)
         outline = trace(mask)
         area, middle = _area_cm2(mask, ruling)
         scale = ruling.px_per_mm(middle)
@@ -49,14 +49,14 @@ class Reading:
             px_per_mm=scale,
             outline=outline,
         )
-        return Measurement(method=METHOD, leaves=(leaf,), mask=mask)
+        return Measurement(method=METHOD, leaves=(leaf,), mask=mask, to_mm=ruling.forward)
 
-    def _without_ruling(self, image: np.ndarray, mask: np.ndarray) -> Measurement:
-        if self._regression is None:
+    def _without_ruling(self, image: np.ndarray, mask: np.ndarray, adviser: Regression | None) -> Measurement:
+        if adviser is None:
             refusal = "no ruling can be read; show bare, sharp paper around the leaf, or add an area model"
             leaf = Leaf(outline=trace(mask))
             return Measurement(method=METHOD, leaves=(leaf,), mask=mask, refusal=refusal)
-        measured = self._regression.measure(image)
+        measured = adviser.measure(image)
         leaves = tuple(Leaf(area_cm2=leaf.area_cm2, outline=trace(mask)) for leaf in measured.leaves)
         return Measurement(method=FALLBACK, leaves=leaves, mask=mask, refusal=measured.refusal)
 

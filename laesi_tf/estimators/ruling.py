@@ -34,8 +34,12 @@ _SQUARE = 1.15
 """Ratio of scales along and across a sheet that tilt may cause in the middle of the picture."""
 _STEEPEST = 0.4
 """Change of scale from the middle to the border that a fit may claim: twice that of a tilt of 20 degrees."""
-_DOUBT = 1.45
-"""A rough scale is trusted to this factor: less than the two that part 5 mm from 10 mm lines."""
+_TRUST = 15.0
+"""Score that a lattice loses per squared logarithm of its distance from a rough scale.
+
+At a factor of 1.6 that is what a weak comb is behind a strong one: the comb overrules a rough scale that is
+wrong, and yields to a good one where its family is in doubt.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,7 @@ def read_ruling(
     """Read the ruling on `image`, uint8 [H, W, 3]; None where there is none to read.
 
     `leaf`, bool [H, W], is left out. `grid_mm` is the distance of the finest lines. `about`, px per mm, is a
-    rough scale from elsewhere: a reading further than a factor 1.5 from it took the wrong family of lines.
+    rough scale from elsewhere that helps to tell which lines are the finest.
     """
     shrink = min(1.0, LONGEST / max(image.shape[:2]))
     small = cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
@@ -87,7 +91,7 @@ def read_ruling(
     # Seen straight on, no tooth of the comb is smeared: now the family can be told, and the fit refined.
     straighten = _straightening(field, first)
     field = _Field.of(_warped(flat, straighten, 0), _warped(covered, straighten, 1))
-    rate = math.sqrt(abs(np.linalg.det(first[:4].reshape(2, 2))))
+    rate = _periods(first) / 2
     best = _best_family(field, [np.array([rate, 0, 0, rate, 0, 0])], view)
     if best is not None:
         best = _regrown(field, best, ((3.0, 0.05), (3.0, 0.03)), field.centres.mean(axis=0))
@@ -98,7 +102,7 @@ def read_ruling(
 
 def _straightening(field: "_Field", lattice: np.ndarray) -> np.ndarray:
     """Homography [3, 3] of pixels that turns the sheet upright and undoes its tilt, at the same scale."""
-    rate = math.sqrt(abs(np.linalg.det(lattice[:4].reshape(2, 2)))) / field.half
+    rate = _periods(lattice) / 2 / field.half
     back = np.array([[1 / rate, 0, field.origin[0]], [0, 1 / rate, field.origin[1]], [0, 0, 1]])
     return back @ field.homography(lattice)
 
@@ -262,8 +266,9 @@ def _families(field: _Field, lattice: np.ndarray, view: float | None) -> list[tu
     found = []
     for across, down in itertools.product(_TEETH, repeat=2):
         family = _rescaled(lattice, across, down)
-        if _plausible(family, view):
-            found.append((float(scores[across][0] + scores[down][1]) / 2, family))
+        if _plausible(family):
+            doubt = 0.0 if view is None else _TRUST * math.log(_periods(family) / view) ** 2
+            found.append((float(scores[across][0] + scores[down][1]) / 2 - doubt, family))
     return found
 
 
@@ -349,13 +354,18 @@ def _rescaled(lattice: np.ndarray, across: float, down: float) -> np.ndarray:
     return np.concatenate([lattice[:2] * across, lattice[2:4] * down, lattice[4:6]])
 
 
-def _plausible(lattice: np.ndarray, view: float | None) -> bool:
-    """Whether a lattice is square, not steeper than a phone is held, and as wide as `view` or phones see."""
+def _plausible(lattice: np.ndarray) -> bool:
+    """Whether a lattice is square, not steeper than a phone is held, and as wide as phones see a sheet."""
     rates = np.hypot(*lattice[:4].reshape(2, 2).T)
-    if np.hypot(*lattice[4:6]) > _STEEPEST or rates.max() > _SQUARE * rates.min():
-        return False
-    low, high = _VIEWS if view is None else (view / _DOUBT, view * _DOUBT)
-    return low <= 2 * math.sqrt(abs(np.linalg.det(lattice[:4].reshape(2, 2)))) <= high
+    square = rates.max() <= _SQUARE * rates.min()
+    return bool(
+        square and np.hypot(*lattice[4:]) <= _STEEPEST and _VIEWS[0] <= _periods(lattice) <= _VIEWS[1]
+    )
+
+
+def _periods(lattice: np.ndarray) -> float:
+    """The picture's longer side in periods of the lattice, at its middle."""
+    return 2 * math.sqrt(abs(np.linalg.det(lattice[:4].reshape(2, 2))))
 
 
 def _comb_scores(field: _Field, lattice: np.ndarray) -> np.ndarray:

@@ -1,0 +1,55 @@
+"""An exported run says what its run says, and the runs that come with the package measure."""
+
+import json
+
+import numpy as np
+import pytest
+
+from laesi_tf import config as configuration
+from laesi_tf import export as command
+from laesi_tf.config import TrainConfig
+from laesi_tf.errors import InputError
+from laesi_tf.estimators import load_estimator
+from laesi_tf.runs import BEST, CONFIG, EXPORTED, PRETRAINED, load_run
+from laesi_tf.synthesis import synthesise
+from laesi_tf.training import build
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    path = tmp_path_factory.mktemp("runs") / "area"
+    config = TrainConfig(task="area", size=(64, 64), alpha=0.5, weights="none", ranges="rendering_2")
+    model, origin = build(config)
+    configuration.write(path / CONFIG, config, {"weights_origin": origin})
+    model.save(path / BEST)
+    return path
+
+
+def test_an_exported_run_is_small_and_says_the_same(run, tmp_path):
+    command.main([str(run), "--out", str(tmp_path / "small"), "--json", str(tmp_path / "figures.json")])
+    pictures = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.float32)
+    first, second = (load_run(path).model(pictures, training=False) for path in (run, tmp_path / "small"))
+    np.testing.assert_allclose(first, second, rtol=5e-3, atol=5e-3)
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert figures["bytes"] == (tmp_path / "small" / EXPORTED).stat().st_size
+    assert figures["bytes"] < 0.6 * (run / BEST).stat().st_size
+    assert figures["exported"]["mre"] == pytest.approx(figures["original"]["mre"], rel=0.02)
+
+
+def test_a_broken_export_is_named(run, tmp_path):
+    command.main([str(run), "--out", str(tmp_path)])
+    whole = (tmp_path / EXPORTED).read_bytes()
+    (tmp_path / EXPORTED).write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"weights\.npz is broken"):
+        load_run(tmp_path)
+
+
+def test_the_shipped_models_are_small_and_measure_a_scene():
+    assert sum(file.stat().st_size for file in PRETRAINED.rglob("*") if file.is_file()) < 10e6
+    estimator, errors = load_estimator(), []
+    for index in range(0, 24, 4):
+        scene = synthesise(77, size=(640, 640), index=index)
+        measured = estimator.measure(scene["image"].numpy())
+        if measured.method == "ruling x silhouette":
+            errors.append(abs(measured.area_cm2 / float(scene["area_cm2"]) - 1))
+    assert len(errors) >= 4 and np.median(errors) < 0.03
