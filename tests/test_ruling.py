@@ -38,10 +38,10 @@ def test_the_family_of_lines_is_decided_without_help():
 
 
 def test_another_ruling_works_by_its_number():
-    image, _ = drawn(px_per_mm=6.0, turn=1.0)
+    image, _ = drawn(px_per_mm=8.0, turn=1.0)
     ruling = read_ruling(image, grid_mm=5.0)
     assert ruling is not None
-    assert ruling.px_per_mm(np.array([300.0, 300.0])) == pytest.approx(6.0 / 5.0, rel=0.005)
+    assert ruling.px_per_mm(np.array([300.0, 300.0])) == pytest.approx(8.0 / 5.0, rel=0.005)
 
 
 @pytest.mark.parametrize("level", [0, 127, 255])

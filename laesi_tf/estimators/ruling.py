@@ -9,6 +9,7 @@ homography is fitted to all of them, so tilt is measured and undone. Which famil
 import itertools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -26,8 +27,8 @@ _HARMONICS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 2.0, 5.0)
 _TEETH = (0.1, 0.2, 0.5, *(10 / tooth for tooth in range(1, 11)))
 """How much finer than the lines that were followed the finest may be: these were any tooth of the comb."""
 _SEEDS, _SEED_STRIDE = 5, 3
-_VIEWS = 40, 450
-"""Longer side of a picture in periods of the finest lines, where nothing else is known."""
+_VIEWS_MM = 40, 450
+"""Longer side of the sheet that a picture may show."""
 _FEWEST, _FAINTEST, _WIDEST = 10, 2.0, 0.01
 """Refusal: fewer measured frequencies, a fainter comb, or a larger median disagreement than these."""
 _SQUARE = 1.15
@@ -81,7 +82,11 @@ def read_ruling(
     covered = np.zeros(small.shape[:2], np.uint8)
     if leaf is not None:
         covered = cv2.resize(leaf.astype(np.uint8), small.shape[1::-1])
-    view = None if about is None else max(image.shape[:2]) / about / grid_mm
+    view = _View(
+        rough=None if about is None else max(image.shape[:2]) / about / grid_mm,
+        low=_VIEWS_MM[0] / grid_mm,
+        high=_VIEWS_MM[1] / grid_mm,
+    )
     flat = _flattened(small)
     field = _Field.of(flat, covered)
     grown = [lattice for seed in field.seeds() if (lattice := _grow(field, seed)) is not None]
@@ -112,6 +117,14 @@ def _warped(picture: np.ndarray, homography: np.ndarray, beyond: int) -> np.ndar
     shift = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
     matrix = np.linalg.inv(shift) @ homography @ shift
     return cv2.warpPerspective(picture, matrix, picture.shape[::-1], borderValue=beyond)
+
+
+class _View(NamedTuple):
+    """What is known of the picture's longer side beforehand, in periods of the finest lines."""
+
+    rough: float | None
+    low: float
+    high: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,13 +264,13 @@ def _regrown(
     return lattice
 
 
-def _best_family(field: _Field, lattices: list[np.ndarray], view: float | None) -> np.ndarray | None:
+def _best_family(field: _Field, lattices: list[np.ndarray], view: _View) -> np.ndarray | None:
     """The lattice [6] whose lines make the best comb, each taken for any of its teeth."""
     families = [family for lattice in lattices for family in _families(field, lattice, view)]
     return max(families, key=lambda family: family[0])[1] if families else None
 
 
-def _families(field: _Field, lattice: np.ndarray, view: float | None) -> list[tuple[float, np.ndarray]]:
+def _families(field: _Field, lattice: np.ndarray, view: _View) -> list[tuple[float, np.ndarray]]:
     """Score and lattice of each way to take the lines that were followed for teeth of the comb.
 
     The two directions are judged apart, as each may have followed another tooth, but must agree in the end.
@@ -266,8 +279,8 @@ def _families(field: _Field, lattice: np.ndarray, view: float | None) -> list[tu
     found = []
     for across, down in itertools.product(_TEETH, repeat=2):
         family = _rescaled(lattice, across, down)
-        if _plausible(family):
-            doubt = 0.0 if view is None else _TRUST * math.log(_periods(family) / view) ** 2
+        if _plausible(family, view):
+            doubt = 0.0 if view.rough is None else _TRUST * math.log(_periods(family) / view.rough) ** 2
             found.append((float(scores[across][0] + scores[down][1]) / 2 - doubt, family))
     return found
 
@@ -354,13 +367,11 @@ def _rescaled(lattice: np.ndarray, across: float, down: float) -> np.ndarray:
     return np.concatenate([lattice[:2] * across, lattice[2:4] * down, lattice[4:6]])
 
 
-def _plausible(lattice: np.ndarray) -> bool:
+def _plausible(lattice: np.ndarray, view: _View) -> bool:
     """Whether a lattice is square, not steeper than a phone is held, and as wide as phones see a sheet."""
     rates = np.hypot(*lattice[:4].reshape(2, 2).T)
     square = rates.max() <= _SQUARE * rates.min()
-    return bool(
-        square and np.hypot(*lattice[4:]) <= _STEEPEST and _VIEWS[0] <= _periods(lattice) <= _VIEWS[1]
-    )
+    return bool(square and np.hypot(*lattice[4:]) <= _STEEPEST and view.low <= _periods(lattice) <= view.high)
 
 
 def _periods(lattice: np.ndarray) -> float:
