@@ -64,6 +64,19 @@ def parser(command: str, description: str | None) -> argparse.ArgumentParser:
     return made
 
 
+def add_models(made: argparse.ArgumentParser) -> None:
+    """Add the options that name the models a command measures with."""
+    made.add_argument(
+        "--model",
+        type=Path,
+        metavar="RUN",
+        help="training run that measures (default: those that come with the package)",
+    )
+    made.add_argument(
+        "--mask-model", type=Path, metavar="RUN", help="training run of task mask: the ruling is read too"
+    )
+
+
 def run(main: Callable[[Sequence[str]], None]) -> None:
     """Call `main` with the command line; a user's mistake becomes one line on stderr and exit status 2."""
     warnings.showwarning = _one_line

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from laesi_tf.cli import parser, run
+from laesi_tf.cli import add_models, parser, run
 from laesi_tf.data.photos import read_manifest
 from laesi_tf.estimators import Estimator, load_estimator
 from laesi_tf.estimators.base import trace
@@ -49,15 +49,7 @@ def main(arguments: Sequence[str]) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     made = parser("evaluate", __doc__)
-    made.add_argument(
-        "--model",
-        type=Path,
-        metavar="RUN",
-        help="training run to score (default: those that come with the package)",
-    )
-    made.add_argument(
-        "--mask-model", type=Path, metavar="RUN", help="training run of task mask: the ruling is read too"
-    )
+    add_models(made)
     made.add_argument(
         "--photos", type=Path, required=True, metavar="CSV", help="manifest: image,area_cm2,..."
     )

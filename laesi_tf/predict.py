@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from laesi_tf.cli import parser, progress, run
+from laesi_tf.cli import add_models, parser, progress, run
 from laesi_tf.data.ahead import read_ahead
 from laesi_tf.data.decoding import SUFFIXES, decode
 from laesi_tf.errors import InputError
@@ -75,15 +75,7 @@ def predict(estimator: Estimator, photos: Sequence[Path], *, known: Known, out: 
 def _parser() -> argparse.ArgumentParser:
     made = parser("predict", __doc__)
     made.add_argument("photos", nargs="+", type=Path, metavar="PHOTO", help="a photo, or a folder of photos")
-    made.add_argument(
-        "--model",
-        type=Path,
-        metavar="RUN",
-        help="training run that measures (default: those that come with the package)",
-    )
-    made.add_argument(
-        "--mask-model", type=Path, metavar="RUN", help="training run of task mask: the ruling is read too"
-    )
+    add_models(made)
     made.add_argument(
         "--px-per-mm",
         type=_scale,

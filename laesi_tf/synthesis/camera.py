@@ -61,6 +61,7 @@ class View:
 
 _WIDEST_BLUR_MM = 0.25
 """Taps of the blur are laid out for this much; a wider one is cut off."""
+_LUMA = (0.299, 0.587, 0.114)
 MARGIN = 0.02
 """The leaf keeps this fraction of the picture's side between itself and the frame."""
 
@@ -183,8 +184,7 @@ def chroma_softness(image: tf.Tensor, camera: Camera) -> tf.Tensor:
 def develop(image: tf.Tensor, camera: Camera) -> tf.Tensor:
     """White balance, exposure, contrast and saturation of [3, H, W]: one affine map of colour."""
     gains = camera.exposure * tf.stack([1 + camera.warmth / 2, 1 + camera.green, 1 - camera.warmth / 2])
-    luma = tf.constant([[0.299, 0.587, 0.114]])
-    mix = camera.saturation * tf.eye(3) + (1 - camera.saturation) * tf.repeat(luma, 3, axis=0)
+    mix = camera.saturation * tf.eye(3) + (1 - camera.saturation) * tf.constant([_LUMA] * 3)
     matrix = camera.contrast * mix * gains[None, :]
     flat = tf.reshape(image, [3, -1])
     return tf.reshape(matrix @ flat + 0.5 * (1 - camera.contrast), image.shape)
@@ -197,4 +197,4 @@ def sensor_noise(image: tf.Tensor, camera: Camera, key: Key) -> tf.Tensor:
 
 
 def _luma(image: tf.Tensor) -> tf.Tensor:
-    return 0.299 * image[:1] + 0.587 * image[1:2] + 0.114 * image[2:]
+    return _LUMA[0] * image[:1] + _LUMA[1] * image[1:2] + _LUMA[2] * image[2:]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis import raster
+from laesi_tf.synthesis import curves, raster
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -257,7 +257,7 @@ def _blade(leaf: Leaf, jitter: tf.Tensor, fine: tf.Tensor, bites: tf.Tensor) -> 
     x = along - leaf.cordate * (s / 0.1) * tf.exp(1 - s / 0.1)
     x = x + leaf.lobe_lean * leaf.lobe_depth * leaf.aspect * lobe * envelope
     spread = leaf.irregularity * leaf.aspect * tf.sin(np.pi * s)
-    basis = tf.constant(_catmull_rom(CONTROLS, SIDE_POINTS).T)
+    basis = tf.constant(curves.catmull_rom(CONTROLS, SIDE_POINTS).T)
     curve = (x + jitter[..., 0] * spread) @ basis, (width + jitter[..., 1] * spread) @ basis
     return _margin(leaf, curve, fine, bites)
 
@@ -282,7 +282,7 @@ def _margin(
     saw = saw - tf.floor(saw)
     teeth = leaf.tooth_height * tf.minimum(saw * 1.3, (1 - saw) * 4.3)
     waves = leaf.wave_height * tf.sin(2 * np.pi * leaf.waves * s + fine[:, :1] * 3)
-    rough = fine[:, _FINE:] @ tf.constant(_linear(_FINE, SIDE_POINTS).T)
+    rough = fine[:, _FINE:] @ tf.constant(curves.linear(_FINE, SIDE_POINTS).T)
     ends = tf.constant(np.minimum(np.minimum(s, 1 - s) * 12, 1), tf.float32)
     out = (teeth + waves + leaf.roughness * rough) * ends * tf.sqrt(leaf.aspect)
     step_x, step_y = (tf.pad(side[:, 2:] - side[:, :-2], [[0, 0], [1, 1]]) for side in curve)
@@ -326,23 +326,3 @@ def midrib(leaf: Leaf, along: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     shrink = tf.where(t < 0, leaf.petiole_bend**2, leaf.bend**2 * (1 + leaf.bend_change) ** 2)
     point = tf.stack([t - shrink * t**3 / 6, y], axis=-1) * leaf.length_mm
     return point, tf.stack([tf.cos(heading), tf.sin(heading)], axis=-1)
-
-
-def _catmull_rom(controls: int, points: int) -> np.ndarray:
-    """Basis [points, controls] of the interpolating cubic through evenly spaced control points."""
-    position = np.linspace(0, controls - 1, points)
-    left = np.minimum(position.astype(int), controls - 2)
-    t = position - left
-    cubic = np.array([[0, -0.5, 1, -0.5], [1, 0, -2.5, 1.5], [0, 0.5, 2, -1.5], [0, 0, -0.5, 0.5]])
-    weights = cubic @ np.stack([t**0, t, t**2, t**3])
-    basis = np.zeros((points, controls), np.float32)
-    for offset in range(4):
-        node = np.clip(left + offset - 1, 0, controls - 1)
-        np.add.at(basis, (np.arange(points), node), weights[offset])
-    return basis
-
-
-def _linear(nodes: int, points: int) -> np.ndarray:
-    """Basis [points, nodes] of linear interpolation between evenly spaced nodes."""
-    position = np.linspace(0, nodes - 1, points)[:, None]
-    return np.maximum(1 - np.abs(position - np.arange(nodes)), 0).astype(np.float32)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis import camera, paper, raster, veins
+from laesi_tf.synthesis import camera, curves, paper, raster, veins
 from laesi_tf.synthesis.frame import Size, Window, window
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
@@ -183,7 +183,7 @@ def scribble(random: tf.Tensor, length_mm: tf.Tensor, height_mm: tf.Tensor, prop
     """A handwritten word as one ribbon [2 * WRITING_POINTS, 2] mm, centred: loops of random height."""
     t = tf.constant(np.linspace(0, 1, WRITING_POINTS), tf.float32)
     letters = 8
-    knots = tf.constant(_hat(WRITING_POINTS, letters + 1))
+    knots = tf.constant(curves.linear(letters + 1, WRITING_POINTS))
     loops = 2 * math.pi * letters * t
     tall = tf.linalg.matvec(knots, random[: letters + 1])
     lean = tf.linalg.matvec(knots, random[letters + 1 : 2 * letters + 2])
@@ -198,11 +198,6 @@ def _ink(props: Props) -> tf.Tensor:
 
 def _box() -> tf.Tensor:
     return tf.constant([[-1, -1], [1, -1], [1, 1], [-1, 1]], tf.float32)
-
-
-def _hat(points: int, knots: int) -> np.ndarray:
-    position = np.linspace(0, knots - 1, points)[:, None]
-    return np.maximum(1 - np.abs(position - np.arange(knots)), 0).astype(np.float32)
 
 
 PROPS: dict[str, Callable[[tf.Tensor, Props, Stage, tf.Tensor], tf.Tensor]] = {
