@@ -132,17 +132,20 @@ def test_widest_blur_fits_its_taps() -> None:
 
 def test_neutral_development_changes_nothing() -> None:
     neutral = middle(Camera(), warmth=0.0, green=0.0, exposure=1.0, contrast=1.0, saturation=1.0)
-    np.testing.assert_allclose(camera.develop(tf.constant(picture()), neutral), picture(), atol=1e-5)
+    white = tf.ones([3, 1, 1])
+    np.testing.assert_allclose(camera.develop(tf.constant(picture()), neutral, white), picture(), atol=1e-5)
 
 
 def test_development_is_what_its_numbers_say() -> None:
     numbers = {"warmth": 0.2, "green": 0.05, "exposure": 0.9, "contrast": 1.1, "saturation": 0.8}
     image = picture()
-    balanced = image * np.array([1.1, 1.05, 0.9])[:, None, None] * 0.9
+    paper = np.array([0.6, 0.8, 0.7], np.float32)[:, None, None]
+    # The brightest channel of bare paper after balancing is green, and lands at 0.9.
+    balanced = image * np.array([1.1, 1.05, 0.9])[:, None, None] * (0.9 / (0.8 * 1.05))
     grey = np.tensordot(LUMA, balanced, 1)
     expected = ((grey + 0.8 * (balanced - grey)) - 0.5) * 1.1 + 0.5
     # Contrast turns about mid-grey before or after the gains alike: it is the last of the affine maps.
-    found = camera.develop(tf.constant(image), middle(Camera(), **numbers))
+    found = camera.develop(tf.constant(image), middle(Camera(), **numbers), tf.constant(paper))
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 

@@ -38,12 +38,14 @@ class Camera:
     blurred: Number = Chance(0.5)
     blur_mm: Number = (0.03, 0.25)
     """Standard deviation of the focus blur, mm on the sheet."""
-    noise: Number = (0.0, 0.04)
-    """Standard deviation in the shadows; half of it in the lights."""
+    noise: Number = (0.0, 0.025)
+    """Standard deviation in the shadows; half of it in the lights. A photo that is shrunk keeps little."""
     warmth: Number = (-0.2, 0.2)
     """White balance: gain of red against blue."""
     green: Number = (-0.06, 0.06)
-    exposure: Number = (0.82, 1.3)
+    exposure: Number = (0.65, 1.06)
+    """Where the exposure meter puts the brightest channel of bare paper: phones seldom bleach what fills the
+    frame."""
     contrast: Number = (0.85, 1.2)
     saturation: Number = (0.75, 1.3)
     compressed: Number = Chance(0.35)
@@ -181,9 +183,13 @@ def chroma_softness(image: tf.Tensor, camera: Camera) -> tf.Tensor:
     return tf.cond(camera.compressed, soften, lambda: image)
 
 
-def develop(image: tf.Tensor, camera: Camera) -> tf.Tensor:
-    """White balance, exposure, contrast and saturation of [3, H, W]: one affine map of colour."""
-    gains = camera.exposure * tf.stack([1 + camera.warmth / 2, 1 + camera.green, 1 - camera.warmth / 2])
+def develop(image: tf.Tensor, camera: Camera, paper: tf.Tensor) -> tf.Tensor:
+    """White balance, exposure, contrast and saturation of [3, H, W]: one affine map of colour.
+
+    The exposure is metered on the bare `paper`, its colour [3, 1, 1].
+    """
+    balance = tf.stack([1 + camera.warmth / 2, 1 + camera.green, 1 - camera.warmth / 2])
+    gains = balance * (camera.exposure / tf.reduce_max(balance * paper[:, 0, 0]))
     mix = camera.saturation * tf.eye(3) + (1 - camera.saturation) * tf.constant([_LUMA] * 3)
     matrix = camera.contrast * mix * gains[None, :]
     flat = tf.reshape(image, [3, -1])

@@ -41,11 +41,11 @@ class Paper:
     ink_matches: Number = Chance(0.65)
     """The ink has the sheet's own hue, as on most tinted paper."""
     ink_saturation: Number = (0.25, 1.0)
-    ink_darkness: Number = (0.15, 0.75)
+    ink_darkness: Number = (0.2, 0.75)
     heavy_shift: Number = (-0.06, 0.06)
     """Hue of the 5 and 10 mm lines against the 1 mm lines."""
     heavy_darkness: Number = (0.8, 1.4)
-    strength_1mm: Number = (0.25, 1.0)
+    strength_1mm: Number = (0.35, 1.0)
     strength_5mm: Number = (0.1, 1.0)
     strength_10mm: Number = (0.2, 1.0)
     has_5mm: Number = Chance(0.72)
@@ -55,7 +55,7 @@ class Paper:
     width_1mm: Number = (0.08, 0.3)
     width_5mm: Number = (0.12, 0.4)
     width_10mm: Number = (0.14, 0.55)
-    ink_spread_mm: Number = (0.02, 0.14)
+    ink_spread_mm: Number = (0.02, 0.12)
     """Standard deviation of the ink's edge: a large value leaves the paper's single sine."""
     phase_x: Number = (0.0, 10.0)
     phase_y: Number = (0.0, 10.0)

@@ -277,7 +277,7 @@ def _photograph(image: tf.Tensor, scene: Scene, place: Geometry, ranges: Ranges)
     if ranges.has("glass"):
         image = light.glass(image, scene.light)
     if ranges.has("development"):
-        image = camera.develop(image, scene.camera)
+        image = camera.develop(image, scene.camera, paper.colour(scene.paper))
     if ranges.has("focus"):
         image = camera.focus(image, scene.camera, place.view.px_per_mm)
     if ranges.has("sensor_noise"):
