@@ -13,6 +13,7 @@ from typing import Any
 import tomli_w
 
 from laesi_tf import cli
+from laesi_tf.data.augment import AUGMENTATIONS, augmentations
 from laesi_tf.errors import InputError
 from laesi_tf.files import write_text
 from laesi_tf.models import area, segmentation
@@ -68,6 +69,13 @@ class TrainConfig:
     textures: str = _field(
         "", "folder of leaf photographs whose texture is blended into the synthetic leaves; empty: none"
     )
+    mixture: str = _field(
+        "",
+        "PATH of a TOML file that mixes live scenes, records and photos; empty: live scenes alone",
+    )
+    augment: str = _field(
+        "", f"augmentations, separated by commas: all, paper, or of {', '.join(AUGMENTATIONS)}; empty: none"
+    )
     lighting_passes: int = _field(1, "pictures of the same leaf in different light", low=1, high=64)
     seed: int = _field(0, "seed of scenes and initial weights", low=0, high=2**31 - 1)
     validate_every: int = _field(500, "steps between validations", low=1, high=10**9)
@@ -83,6 +91,7 @@ class TrainConfig:
         losses = {"area": area.LOSSES, "mask": segmentation.LOSSES}[self.task]
         if self.loss not in ("auto", *losses):
             raise InputError(f"loss {self.loss!r} is not for task {self.task!r}: choose {_list(losses)}")
+        augmentations(self.augment)
         if self.final_learning_rate > self.learning_rate:
             ends = f"{self.final_learning_rate:g} is above learning_rate {self.learning_rate:g}"
             raise InputError(f"final_learning_rate {ends}; lower it")

@@ -2,6 +2,7 @@
 
 config.toml     the configuration and where the run came from
 ranges.toml     a copy of the ranges, if they came from a file
+mixture.toml    a copy of the mixture, if there was one
 state.npz       variables and progress that a killed run continues from
 history.csv     one row per validation
 tensorboard/    the same for TensorBoard
@@ -34,7 +35,7 @@ from laesi_tf.files import whole, write_text
 from laesi_tf.models.backbone import FROM_SCRATCH, backbone
 from laesi_tf.tasks import task
 
-CONFIG, RANGES, STATE, HISTORY = "config.toml", "ranges.toml", "state.npz", "history.csv"
+CONFIG, STATE, HISTORY = "config.toml", "state.npz", "history.csv"
 BEST, METRICS, REPORT, TENSORBOARD = "best.keras", "metrics.json", "report.html", "tensorboard"
 EXPORTED = "weights.npz"
 PRETRAINED = Path(__file__).parent / "pretrained"
@@ -117,8 +118,8 @@ def _numbered(model: keras.Model) -> Iterable[tuple[int, Any]]:
 def begin(path: Path, config: TrainConfig, origin: str) -> None:
     """Write what a new run is made from."""
     configuration.write(path / CONFIG, config, _provenance(origin))
-    if ranges := _ranges_file(config):
-        write_text(path / RANGES, ranges.read_text(encoding="utf-8"))
+    for name, file in _named_files(config).items():
+        write_text(path / f"{name}.toml", file.read_text(encoding="utf-8"))
 
 
 def origin_of(path: Path, config: TrainConfig) -> str | None:
@@ -135,9 +136,9 @@ def origin_of(path: Path, config: TrainConfig) -> str | None:
             raise InputError(f"{path} is neither empty nor a run's folder; choose another --out")
         return None
     keys = configuration.differing(configuration.load(path / CONFIG), config)
-    ranges = _ranges_file(config)
-    if not keys and ranges and (path / RANGES).read_bytes() != ranges.read_bytes():
-        keys = ["ranges (the file changed)"]
+    for name, file in _named_files(config).items():
+        if not keys and (path / f"{name}.toml").read_bytes() != file.read_bytes():
+            keys = [f"{name} (the file changed)"]
     if keys:
         raise InputError(
             f"{path} holds a run that differs in {', '.join(keys)}; "
@@ -186,9 +187,10 @@ def log(writer: tf.summary.SummaryWriter, row: Mapping[str, float]) -> None:
     writer.flush()
 
 
-def _ranges_file(config: TrainConfig) -> Path | None:
-    path = Path(config.ranges)
-    return path if path.suffix == ".toml" and path.is_file() else None
+def _named_files(config: TrainConfig) -> dict[str, Path]:
+    """The TOML files that a configuration names, by its key."""
+    paths = {"ranges": Path(config.ranges), "mixture": Path(config.mixture)}
+    return {name: path for name, path in paths.items() if path.suffix == ".toml" and path.is_file()}
 
 
 def _provenance(origin: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ import tensorflow as tf
 from laesi_tf import report, runs
 from laesi_tf.cli import progress as progress_bar
 from laesi_tf.config import TrainConfig
-from laesi_tf.data import synthetic
+from laesi_tf.data import augment, mixture, synthetic
 from laesi_tf.data.textures import load_textures
 from laesi_tf.errors import InputError
 from laesi_tf.files import whole, write_json
@@ -82,7 +82,7 @@ def fit(
     )
     follower.build(model.trainable_variables)
     progress = runs.load_state(out, [*model.variables, *follower.variables])
-    fitting = _Fitting(config, out, model, follower, progress, train or _synthetic_training(config))
+    fitting = _Fitting(config, out, model, follower, progress, train or _training(config))
     fitting.validation = list(_synthetic_validation(config) if validation is None else validation)
     if started is None:
         runs.begin(out, config, origin)
@@ -313,24 +313,55 @@ def _picture(
     return report.Picture(images[within].numpy(), figures, masks)
 
 
-def _synthetic_training(config: TrainConfig) -> Stream:
-    return lambda start: _synthetic(config, config.seed, synthetic.TRAIN[0] + start, None)
+def _training(config: TrainConfig) -> Stream:
+    """The stream that `config` names: live scenes or a mixture, augmented or not."""
+    switched = augment.switches(augment.augmentations(config.augment))
+    sources = _sources(config)
+
+    def pictures(start: int) -> tf.data.Dataset:
+        if sources:
+            return mixture.mix(sources, seed=config.seed, start=start)
+        first = synthetic.TRAIN[0] + start
+        return _scenes(config, seed=config.seed, start=first, passes=config.lighting_passes)
+
+    def augmented(place: tf.Tensor, picture: augment.Picture) -> augment.Picture:
+        return augment.augment(picture, tf.stack([config.seed, place]), tf.constant(switched))
+
+    def stream(start: int) -> Batches:
+        made = pictures(start)
+        if switched.any():
+            made = made.enumerate(start).map(augmented, num_parallel_calls=tf.data.AUTOTUNE)
+        return _batched(made, config)
+
+    return stream
+
+
+def _sources(config: TrainConfig) -> list[mixture.Source]:
+    if not config.mixture:
+        return []
+    masked = config.task == "mask"
+    return mixture.load_mixture(config.mixture, size=config.size, seed=config.seed, masked=masked)
 
 
 def _synthetic_validation(config: TrainConfig) -> Batches:
     # One seed for all runs: their scores compare. The range of indices keeps it apart from training.
-    return _synthetic(config, _VALIDATION_SEED, synthetic.VALIDATION[0], config.validation_pictures)
+    first, count = synthetic.VALIDATION[0], config.validation_pictures
+    return _batched(_scenes(config, seed=_VALIDATION_SEED, start=first, count=count, passes=1), config)
 
 
-def _synthetic(config: TrainConfig, seed: int, start: int, count: int | None) -> Batches:
-    return synthetic.batches(
-        task=cast(synthetic.Task, config.task),
-        batch_size=config.batch_size,
+def _batched(made: tf.data.Dataset, config: TrainConfig) -> Batches:
+    return synthetic.batched(made, task=cast(synthetic.Task, config.task), batch_size=config.batch_size)
+
+
+def _scenes(
+    config: TrainConfig, *, seed: int, start: int, passes: int, count: int | None = None
+) -> tf.data.Dataset:
+    return synthetic.pictures(
         seed=seed,
         size=config.size,
         ranges=config.ranges,
         start=start,
         count=count,
-        passes=config.lighting_passes if count is None else 1,
+        passes=passes,
         textures=load_textures(config.textures) if config.textures else None,
     )

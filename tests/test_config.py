@@ -24,6 +24,8 @@ CHANGED = {
     "batch_norm": "frozen",
     "ranges": "rendering_1",
     "textures": "leaves",
+    "mixture": "mixture.toml",
+    "augment": "flip,hue",
     "lighting_passes": 4,
     "seed": 3,
     "validate_every": 5,

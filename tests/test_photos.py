@@ -5,14 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tensorflow as tf
 from green import disk, photo
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from laesi_tf.data import synthetic
 from laesi_tf.data.decoding import upright_size
 from laesi_tf.data.photos import read_manifest
-from laesi_tf.data.real import photos_dataset
+from laesi_tf.data.real import Pictures, held, streamed
 from laesi_tf.errors import InputError
 
 Write = Callable[[str | bytes], Path]
@@ -165,41 +167,63 @@ def test_values_survive(write: Write, area: float, subset: str) -> None:
     assert only.area_cm2 == area and only.subset == (subset or None)
 
 
-def test_dataset_has_every_photo_in_order(write: Write) -> None:
-    photos = read_manifest(write("image,area_cm2\na.png,12.5\nb.png,3\n"))
-    dataset, skipped = photos_dataset(photos, size=(32, 32))
-    images, targets = zip(*dataset.as_numpy_iterator(), strict=True)
-    assert skipped == [] and [target[0] for target in targets] == [12.5, 3.0]
-    assert np.isnan([target[1:] for target in targets]).all()
-    assert all(image.shape == (32, 32, 3) and image.dtype == np.uint8 for image in images)
+def at(pictures: Pictures, index: int) -> dict[str, np.ndarray]:
+    return {name: value.numpy() for name, value in pictures.at(tf.constant(index, tf.int64)).items()}
 
 
-def test_dataset_of_masks_covers_the_leaf(write: Write) -> None:
-    photos = read_manifest(write("image,area_cm2,mask\nb.png,3,masks/b.png\n"))
-    dataset, _ = photos_dataset(photos, size=(32, 32), task="mask")
-    ((image, mask),) = dataset.as_numpy_iterator()
-    green = image[..., 1].astype(int) - image[..., 0] > 60
-    assert mask.dtype == np.uint8 and (green != mask.astype(bool)).mean() < 0.02
+@pytest.fixture(params=["held", "streamed"])
+def opened(request: pytest.FixtureRequest) -> Callable[..., Pictures]:
+    """Either way to hold photos, taken from a manifest."""
+
+    def open_(path: Path, *, masked: bool = False) -> Pictures:
+        photos = read_manifest(path)
+        if request.param == "streamed":
+            return streamed(photos, size=(32, 32), masked=masked)
+        return held(photos, size=(32, 32), masked=masked)[0]
+
+    return open_
 
 
-def test_dataset_names_what_it_skips(write: Write) -> None:
+def test_pictures_are_the_photos_in_order(write: Write, opened: Callable[..., Pictures]) -> None:
+    pictures = opened(write("image,area_cm2\na.png,12.5\nb.png,3\n"))
+    assert pictures.count == 2
+    found = [at(pictures, index) for index in (0, 1)]
+    assert [float(picture["area_cm2"]) for picture in found] == [12.5, 3.0]
+    for picture in found:
+        assert np.isnan(picture["px_per_mm"]) and not picture["mask"].any()
+        assert picture["image"].shape == (32, 32, 3) and picture["image"].dtype == np.uint8
+        assert np.isnan(synthetic.target(picture, "area").numpy()[1:]).all()
+
+
+def test_pictures_know_the_factors_of_the_area(write: Write, opened: Callable[..., Pictures]) -> None:
+    path = write("image,area_cm2,mask,px_per_mm\nb.png,3,masks/b.png,4\n")
+    picture = at(opened(path, masked=True), 0)
+    green = picture["image"][..., 1].astype(int) - picture["image"][..., 0] > 60
+    assert picture["mask"].dtype == np.uint8 and (green != picture["mask"].astype(bool)).mean() < 0.02
+    (photo,) = read_manifest(path)
+    assert picture["px_per_mm"] == pytest.approx(4 * 32 / max(upright_size(photo.image)))
+    share = synthetic.target(picture, "area").numpy()[2]
+    assert share == pytest.approx(green.mean(), abs=0.02)
+
+
+def test_what_is_left_out_is_named(write: Write) -> None:
     path = write("image,area_cm2\na.png,12.5\ncut.png,5\nb.png,3\n")
     (path.parent / "cut.png").write_bytes((path.parent / "a.png").read_bytes()[:70])
-    dataset, skipped = photos_dataset(read_manifest(path), size=(32, 32))
+    pictures, skipped = held(read_manifest(path), size=(32, 32), masked=False)
     assert [one.name for one in skipped] == ["cut.png"] and "cannot be decoded" in skipped[0].reason
-    assert [float(target[0]) for _, target in dataset] == [12.5, 3.0]
+    assert [float(at(pictures, index)["area_cm2"]) for index in range(pictures.count)] == [12.5, 3.0]
 
 
-def test_dataset_knows_the_factors_of_the_area(write: Write) -> None:
-    photos = read_manifest(write("image,area_cm2,mask,px_per_mm\nb.png,3,masks/b.png,4\n"))
-    dataset, _ = photos_dataset(photos, size=(32, 32))
-    ((image, (_, scale, share)),) = dataset.as_numpy_iterator()
-    green = image[..., 1].astype(int) - image[..., 0] > 60
-    longest = max(upright_size(photos[0].image))
-    assert scale == pytest.approx(4 * 32 / longest) and share == pytest.approx(green.mean(), abs=0.02)
+def test_a_streamed_photo_that_is_bad_gives_way_to_the_next(write: Write) -> None:
+    path = write("image,area_cm2\na.png,12.5\ncut.png,5\nb.png,3\n")
+    (path.parent / "cut.png").write_bytes((path.parent / "a.png").read_bytes()[:70])
+    pictures = streamed(read_manifest(path), size=(32, 32), masked=False)
+    assert [float(at(pictures, index)["area_cm2"]) for index in range(3)] == [12.5, 3.0, 3.0]
 
 
-def test_dataset_of_nothing_is_an_error(write: Write) -> None:
+def test_pictures_of_nothing_are_an_error(write: Write) -> None:
     photos = read_manifest(write("image,area_cm2\na.png,12.5\n"))
     with pytest.raises(InputError, match=r"none of the 1 photos.*no mask"):
-        photos_dataset(photos, size=(32, 32), task="mask")
+        held(photos, size=(32, 32), masked=True)
+    with pytest.raises(InputError, match=r"none of the 1 photos.*no mask"):
+        at(streamed(photos, size=(32, 32), masked=True), 0)

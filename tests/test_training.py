@@ -280,7 +280,7 @@ def test_ranges_of_a_file_are_kept_and_compared(tmp_path):
     ranges.write_text("# wide\n")
     config = make(ranges=str(ranges))
     runs.begin(out, config, "none")
-    assert (out / runs.RANGES).read_text() == "# wide\n"
+    assert (out / "ranges.toml").read_text() == "# wide\n"
     assert runs.origin_of(out, config) == "none"
     ranges.write_text("# narrow\n")
     with pytest.raises(InputError, match="ranges"):

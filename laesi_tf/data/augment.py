@@ -139,6 +139,19 @@ AUGMENTATIONS: dict[str, Augmentation] = {
 """In the order in which they are applied: light, then the camera's pose, then its sensor."""
 
 
+PAPER = ("brightness", "contrast", "hue", "saturation", "flip", "rotation90", "poisson")
+"""Those of the paper's best model."""
+
+
+def augmentations(text: str) -> tuple[str, ...]:
+    """What `text` names: "all", "paper", or augmentations separated by commas. Raises InputError."""
+    if text in ("all", "paper"):
+        return tuple(AUGMENTATIONS) if text == "all" else PAPER
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    switches(names)
+    return names
+
+
 def switches(names: Iterable[str]) -> np.ndarray:
     """bool [9], True for each of `names`, as `augment` takes them. Raises InputError for an unknown name."""
     wanted = list(names)

@@ -1,16 +1,19 @@
-"""Real photos as a source of training pictures, held in memory at the network's size."""
+"""Real photos as training pictures: held in memory at the network's size, or read anew each time.
+
+A picture is a dict of `image` uint8 [h, w, 3], `mask` uint8 [h, w] 0/1 (all 0 where the manifest names none),
+`area_cm2` and `px_per_mm` float32 [] (NaN where the manifest does not say).
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.data.ahead import read_ahead
 from laesi_tf.data.decoding import decode, decode_mask
-from laesi_tf.data.fitting import Placement, fit, fit_mask
+from laesi_tf.data.fitting import fit, fit_mask
 from laesi_tf.data.photos import Photo
 from laesi_tf.errors import InputError
 
@@ -23,39 +26,65 @@ class Skipped:
     reason: str
 
 
-def photos_dataset(
-    photos: Sequence[Photo], *, size: tuple[int, int], task: Literal["area", "mask"] = "area"
-) -> tuple[tf.data.Dataset, list[Skipped]]:
-    """Return (image, target) of every readable photo once, unbatched, in order; and the photos left out.
+@dataclass(frozen=True)
+class Pictures:
+    """`count` pictures; `at` makes the one at an index, int64 [], and works in a graph."""
 
-    image is uint8 [h, w, 3]; target is that of `laesi_tf.data.synthetic.target`: float32 [3] (area in cm2,
-    px per mm, leaf's share; NaN where the manifest does not say) or for `task="mask"` uint8 [h, w]. Photos
-    are decoded once, now, and kept at `size` (150 kB each at 224 x 224). Raises InputError when
-    none is usable.
+    count: int
+    at: Callable[[tf.Tensor], dict[str, tf.Tensor]]
+
+
+def held(photos: Sequence[Photo], *, size: tuple[int, int], masked: bool) -> tuple[Pictures, list[Skipped]]:
+    """The usable photos, decoded once, now, and kept at `size` (200 kB each at 224 x 224), and the others.
+
+    With `masked`, photos without a mask are of no use. Raises InputError when none is usable.
     """
-
-    def read(photo: Photo) -> tuple[np.ndarray, np.ndarray]:
-        image, placement = fit(decode(photo.image), size)
-        return image, _area(photo, size, placement) if task == "area" else _mask(photo, size)
-
-    results = list(read_ahead(read, photos))
+    results = list(read_ahead(lambda photo: read(photo, size=size, masked=masked), photos))
     skipped = [
         Skipped(photo.name, str(result)) for photo, result in results if isinstance(result, InputError)
     ]
-    pairs = [result for _, result in results if not isinstance(result, InputError)]
-    if not pairs:
+    usable = [result for _, result in results if not isinstance(result, InputError)]
+    if not usable:
         raise InputError(f"none of the {len(photos)} photos can be used; first: {skipped[0].reason}")
-    images, targets = (np.stack(column) for column in zip(*pairs, strict=True))
-    return tf.data.Dataset.from_tensor_slices((images, targets)), skipped
+    columns = {name: tf.constant(np.stack([picture[name] for picture in usable])) for name in usable[0]}
+    pictures = Pictures(len(usable), lambda index: {name: column[index] for name, column in columns.items()})
+    return pictures, skipped
 
 
-def _area(photo: Photo, size: tuple[int, int], placement: Placement) -> np.ndarray:
-    scale = math.nan if photo.px_per_mm is None else photo.px_per_mm * math.sqrt(math.prod(placement.scale))
-    share = math.nan if photo.mask is None else float(_mask(photo, size).mean())
-    return np.array([photo.area_cm2, scale, share or math.nan], np.float32)
+def streamed(photos: Sequence[Photo], *, size: tuple[int, int], masked: bool) -> Pictures:
+    """Every photo, decoded each time it is asked for. One that cannot be used gives way to the next that can.
+
+    Raises InputError when none can; from within a dataset as an error of TensorFlow's that quotes it.
+    """
+    types = {"image": tf.uint8, "mask": tf.uint8, "area_cm2": tf.float32, "px_per_mm": tf.float32}
+    shapes = {"image": (*size, 3), "mask": size, "area_cm2": (), "px_per_mm": ()}
+
+    def usable(index: np.ndarray) -> list[np.ndarray]:
+        reason = ""
+        for offset in range(len(photos)):
+            try:
+                picture = read(photos[(int(index) + offset) % len(photos)], size=size, masked=masked)
+                return [picture[name] for name in types]
+            except InputError as error:
+                reason = reason or str(error)
+        raise InputError(f"none of the {len(photos)} photos can be used; first: {reason}")
+
+    def at(index: tf.Tensor) -> dict[str, tf.Tensor]:
+        values = tf.numpy_function(usable, [index], list(types.values()), stateful=False)
+        return {name: tf.ensure_shape(value, shapes[name]) for name, value in zip(types, values, strict=True)}
+
+    return Pictures(len(photos), at)
 
 
-def _mask(photo: Photo, size: tuple[int, int]) -> np.ndarray:
-    if photo.mask is None:
+def read(photo: Photo, *, size: tuple[int, int], masked: bool) -> dict[str, np.ndarray]:
+    """The picture of one photo. Raises InputError, with `masked` also for a photo without a mask."""
+    if masked and photo.mask is None:
         raise InputError(f"{photo.name} has no mask in its manifest; add one to train on masks")
-    return fit_mask(decode_mask(photo.mask), size)
+    image, placement = fit(decode(photo.image), size)
+    scale = math.nan if photo.px_per_mm is None else photo.px_per_mm * math.sqrt(math.prod(placement.scale))
+    return {
+        "image": image,
+        "mask": np.zeros(size, np.uint8) if photo.mask is None else fit_mask(decode_mask(photo.mask), size),
+        "area_cm2": np.array(photo.area_cm2, np.float32),
+        "px_per_mm": np.array(scale, np.float32),
+    }

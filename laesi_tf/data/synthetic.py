@@ -4,6 +4,7 @@ The index is the only thing that moves, so the same picture comes out whatever t
 workers or the order. Training, validation and test read disjoint stretches of the index.
 """
 
+import math
 from pathlib import Path
 from typing import Literal
 
@@ -50,21 +51,28 @@ def pictures(
 
 
 def batches(*, task: Task, batch_size: int, **options) -> tf.data.Dataset:
-    """Batches (image uint8 [B, H, W, 3], target) of `pictures(**options)`, made ahead while a model works.
+    """Batches of `pictures(**options)` as `batched` makes them."""
+    return batched(pictures(**options), task=task, batch_size=batch_size)
+
+
+def batched(stream: tf.data.Dataset, *, task: Task, batch_size: int) -> tf.data.Dataset:
+    """Batches (image uint8 [B, H, W, 3], target) of a stream of pictures, made ahead while a model works.
 
     The target is that of `target`. The last batch of a bounded stream may be smaller.
     """
-    single = pictures(**options).map(lambda picture: (picture["image"], target(picture, task)))
+    single = stream.map(lambda picture: (picture["image"], target(picture, task)))
     return single.batch(batch_size).prefetch(2)
 
 
 def target(picture: dict[str, tf.Tensor], task: Task) -> tf.Tensor | dict[str, tf.Tensor]:
     """What a model of `task` is to predict from `picture`.
 
-    For "area" float32 [3]: area in cm2, pixels per mm at the leaf, and the leaf's share of the picture; for
+    For "area" float32 [3]: area in cm2, pixels per mm at the leaf, and the leaf's share of the picture, NaN
+    where the mask is empty, as that of a photo without one; for
     "mask" the mask uint8 [H, W]; for "both" a dict of the two under "area" and "mask".
     """
     share = tf.reduce_mean(tf.cast(picture["mask"], tf.float32))
+    share = tf.where(share > 0, share, math.nan)
     area = tf.stack([picture["area_cm2"], picture["px_per_mm"], share])
     targets = {"area": area, "mask": picture["mask"]}
     return targets if task == "both" else targets[task]

@@ -1,0 +1,208 @@
+"""One stream of pictures from several sources: live scenes, cached records, real photos.
+
+A TOML file names them; a `weight` is a source's share of the stream, a `count` also bounds how many different
+pictures it gives (the paper's "1,7K real + 5K synthetic"):
+
+    [live]                      # scenes made on the fly
+    count = 5000
+    ranges = "rendering_2"
+
+    [records]                   # a data set that generate made
+    folder = "dataset"
+    count = 2000
+
+    [photos]                    # real photos
+    manifest = "photos/manifest.csv"
+    split = "train"
+    count = 1700
+    stream = true               # decode them anew each time instead of holding them in memory
+
+Weights and counts do not mix; weights are normalised; a source of weight 0 is not even opened. What is drawn
+at a place of the stream depends on nothing but the place, so a run that was killed continues where it was.
+"""
+
+import tomllib
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.data import records, synthetic
+from laesi_tf.data.photos import read_manifest
+from laesi_tf.data.real import Pictures, held, streamed
+from laesi_tf.errors import InputError
+from laesi_tf.synthesis import load_ranges, synthesise
+
+SLOTS = 256
+"""Pictures in which each source has its exact share; shares are rounded to as many parts."""
+_SHARE: dict[str, Any] = {"weight": int | float, "count": int}
+_KEYS: dict[str, dict[str, Any]] = {
+    "live": _SHARE | {"ranges": str},
+    "records": _SHARE | {"folder": str},
+    "photos": _SHARE | {"manifest": str, "split": str, "stream": bool},
+}
+# What every source gives; a model is fed no more.
+_FIELDS = ("image", "mask", "area_cm2", "px_per_mm")
+
+# From how many of its pictures came before to the endless stream of those that follow.
+Stream = Callable[[int], tf.data.Dataset]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where pictures come from, dicts of image, mask, area_cm2 and px_per_mm, and their share."""
+
+    name: str
+    weight: float
+    stream: Stream
+
+
+def load_mixture(path: Path | str, *, size: tuple[int, int], seed: int, masked: bool) -> list[Source]:
+    """The sources that a TOML file names, giving pictures of `size`; paths are relative to it.
+
+    With `masked`, photos without a mask are left out. Raises InputError for unknown keys, for weights beside
+    counts, and for a source that has fewer pictures than are asked of it.
+    """
+    path = Path(path)
+    tables = _read(path)
+    wanted = {name: table for name, table in tables.items() if _share(table) > 0}
+    if not wanted:
+        raise InputError(f"mixture {path} gives no source a weight or count above 0")
+    opened = Opening(path.parent, size, seed, masked)
+    return [Source(name, _share(table), _OPEN[name](table, opened)) for name, table in wanted.items()]
+
+
+def mix(sources: Sequence[Source], *, seed: int, start: int = 0) -> tf.data.Dataset:
+    """The stream of pictures from place `start` on, without end: each source has its share of every SLOTS."""
+    quotas = _quotas([source.weight for source in sources])
+    slots = tf.constant(np.repeat(np.arange(len(sources)), quotas))
+
+    def block(number: tf.Tensor) -> tf.Tensor:
+        return tf.gather(slots, tf.argsort(tf.random.stateless_uniform([SLOTS], [seed, number])))
+
+    first, passed = divmod(start, SLOTS)
+    earlier = block(tf.constant(first, tf.int64)).numpy()[:passed]
+    drawn = first * quotas + np.bincount(earlier, minlength=len(sources))
+    choices = tf.data.Dataset.range(first, 2**62).map(block).unbatch().skip(passed)
+    streams = [source.stream(int(before)) for source, before in zip(sources, drawn, strict=True)]
+    return tf.data.Dataset.choose_from_datasets([stream.map(_common) for stream in streams], choices)
+
+
+@dataclass(frozen=True)
+class Opening:
+    """What sources are opened with."""
+
+    folder: Path
+    size: tuple[int, int]
+    seed: int
+    masked: bool
+
+
+def _live(table: Mapping[str, Any], opened: Opening) -> Stream:
+    ranges = table.get("ranges", "rendering_2")
+    if str(ranges).endswith(".toml"):
+        ranges = opened.folder / ranges
+    chosen = load_ranges(ranges).with_passes(1)
+    if "count" not in table:
+        return lambda start: synthetic.pictures(
+            seed=opened.seed, size=opened.size, ranges=chosen, start=start
+        )
+    made = Pictures(
+        table["count"],
+        lambda index: synthesise(opened.seed, size=opened.size, ranges=chosen, index=index),
+    )
+    return _again_and_again(made, opened)
+
+
+def _records(table: Mapping[str, Any], opened: Opening) -> Stream:
+    folder = opened.folder / table.get("folder", "")
+    contents = records.read_contents(folder)
+    if contents.size != opened.size:
+        made = "{} x {}".format(*contents.size)
+        raise InputError(f"the pictures in {folder} are {made} pixels; train with that --size")
+    _enough("records", contents.count, table)
+    return lambda start: records.shuffled(folder, seed=opened.seed, start=start, count=table.get("count"))
+
+
+def _photos(table: Mapping[str, Any], opened: Opening) -> Stream:
+    photos = read_manifest(opened.folder / table.get("manifest", "manifest.csv"), split=table.get("split"))
+    _enough("photos", len(photos), table)
+    photos = photos[: table.get("count")]
+    if table.get("stream", False):
+        return _again_and_again(streamed(photos, size=opened.size, masked=opened.masked), opened)
+    pictures, skipped = held(photos, size=opened.size, masked=opened.masked)
+    for one in skipped:
+        warnings.warn(f"photo skipped: {one.reason}", stacklevel=2)
+    return _again_and_again(pictures, opened)
+
+
+_OPEN: dict[str, Callable[[Mapping[str, Any], Opening], Stream]] = {
+    "live": _live,
+    "records": _records,
+    "photos": _photos,
+}
+
+
+def _again_and_again(pictures: Pictures, opened: Opening) -> Stream:
+    """All pictures once, then all again, in a new order each time."""
+
+    def stream(start: int) -> tf.data.Dataset:
+        def at(place: tf.Tensor) -> dict[str, tf.Tensor]:
+            seed = tf.stack([opened.seed, place // pictures.count])
+            return pictures.at(
+                tf.random.experimental.index_shuffle(place % pictures.count, seed, pictures.count - 1)
+            )
+
+        return tf.data.Dataset.range(start, 2**62).map(at, num_parallel_calls=tf.data.AUTOTUNE)
+
+    return stream
+
+
+def _common(picture: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
+    return {name: picture[name] for name in _FIELDS}
+
+
+def _quotas(weights: Sequence[float]) -> np.ndarray:
+    """How many of SLOTS places each source gets: by largest remainder, and at least one."""
+    exact = np.array(weights) / sum(weights) * (SLOTS - len(weights))
+    quotas = np.floor(exact).astype(int)
+    quotas[np.argsort(quotas - exact)[: SLOTS - len(weights) - quotas.sum()]] += 1
+    return quotas + 1
+
+
+def _read(path: Path) -> dict[str, dict[str, Any]]:
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"cannot read mixture {path}: {error}") from error
+    for name, table in tables.items():
+        if name not in _KEYS or not isinstance(table, dict):
+            raise InputError(f"mixture {path}: unknown source {name!r}; use {', '.join(_KEYS)}")
+        for key, value in table.items():
+            _check(key, value, name, path)
+    if len({share for table in tables.values() for share in ("weight", "count") if share in table}) > 1:
+        raise InputError(f"mixture {path} has weights and counts; give every source one or the other")
+    return tables
+
+
+def _check(key: str, value: Any, name: str, path: Path) -> None:
+    if key not in _KEYS[name]:
+        raise InputError(f"mixture {path}: [{name}] has no {key!r}; use {', '.join(sorted(_KEYS[name]))}")
+    kind = _KEYS[name][key]
+    if not isinstance(value, kind) or isinstance(value, bool) is not (kind is bool):
+        raise InputError(f"mixture {path}: [{name}] {key} = {value!r} is of the wrong type")
+    if key in ("weight", "count") and value < 0:
+        raise InputError(f"mixture {path}: [{name}] {key} = {value!r} must not be below 0")
+
+
+def _share(table: Mapping[str, Any]) -> float:
+    return float(table.get("weight", table.get("count", 0)))
+
+
+def _enough(name: str, available: int, table: Mapping[str, Any]) -> None:
+    if available < table.get("count", 0):
+        raise InputError(f"{name}: {table['count']} pictures are asked for, but there are {available}")
