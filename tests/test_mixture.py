@@ -80,13 +80,20 @@ def load(path: Path, *, masked: bool = False) -> list[Source]:
     return load_mixture(path, size=SIZE, seed=3, masked=masked)
 
 
+LIVE, RECORDS, PHOTOS = (
+    f'[{name}]\nkind = "{kind}"\n'
+    for name, kind in {"scenes": "live", "cached": "records", "real": "photos"}.items()
+)
 WHOLE = """
-[live]
+[scenes]
+kind = "live"
 count = 20
-[records]
+[cached]
+kind = "records"
 folder = "dataset"
 count = 10
-[photos]
+[real]
+kind = "photos"
 split = "train"
 count = 2
 """
@@ -108,7 +115,7 @@ def test_counts_bound_how_many_different_pictures_there_are(write: Write) -> Non
 
 @pytest.mark.parametrize("stream", ["false", "true"])
 def test_photos_come_all_before_any_comes_again(write: Write, stream: str) -> None:
-    (photos,) = load(write(f"[photos]\nweight = 1\nstream = {stream}\n"))
+    (photos,) = load(write(f'[real]\nkind = "photos"\nweight = 1\nstream = {stream}\n'))
     found = [float(picture["area_cm2"]) for picture in mix([photos], seed=3).take(9)]
     for epoch in range(3):
         assert sorted(found[3 * epoch : 3 * epoch + 3]) == [500, 501, 502]
@@ -116,21 +123,31 @@ def test_photos_come_all_before_any_comes_again(write: Write, stream: str) -> No
 
 
 def test_weight_zero_is_not_even_opened(write: Write) -> None:
-    (live,) = load(write('[live]\nweight = 0.5\n[records]\nfolder = "nowhere"\nweight = 0\n'))
-    assert live.name == "live"
+    (live,) = load(write(f'{LIVE}weight = 0.5\n[cached]\nkind = "records"\nfolder = "nowhere"\nweight = 0\n'))
+    assert live.name == "scenes"
+
+
+def test_ranges_stand_in_the_mixture_itself(write: Write) -> None:
+    (narrow,) = load(
+        write(f"{LIVE}weight = 1\n[scenes.ranges.camera]\nclosest_mm = 200\nfarthest_mm = 200\n")
+    )
+    scales = [float(picture["px_per_mm"]) for picture in narrow.stream(0).take(3)]
+    assert max(scales) <= SIZE[1] / 200 * 1.01
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[live]\nweight = 1\n[photos]\ncount = 2\n", "weights and counts"),
-        ("[photos]\ncount = 4\n", "4 pictures are asked for, but there are 3"),
-        ('[records]\nfolder = "dataset"\ncount = 11\n', f"11 pictures.*there are {CONTENTS.count}"),
-        ("[pictures]\ncount = 4\n", "unknown source 'pictures'"),
-        ("[live]\ncuont = 4\n", "no 'cuont'; use count"),
-        ("[live]\ncount = -1\n", "must not be below 0"),
-        ("[live]\ncount = 1.5\n", "wrong type"),
-        ("[photos]\nweight = true\n", "wrong type"),
+        (f"{LIVE}weight = 1\n{PHOTOS}count = 2\n", "weights and counts"),
+        (f"{PHOTOS}count = 4\n", "4 pictures are asked for, but there are 3"),
+        (f'{RECORDS}folder = "dataset"\ncount = 11\n', f"11 pictures.*there are {CONTENTS.count}"),
+        ("[scenes]\ncount = 4\n", r"\[scenes\] is of kind None; use live"),
+        ('[scenes]\nkind = "alive"\n', r"\[scenes\] is of kind 'alive'; use live"),
+        (f"{LIVE}cuont = 4\n", "no 'cuont'; use count"),
+        (f"{LIVE}count = -1\n", "must not be below 0"),
+        (f"{LIVE}count = 1.5\n", "wrong type"),
+        (f"{PHOTOS}weight = true\n", "wrong type"),
+        (f"{LIVE}weight = 1\nranges = {{camrea = 1}}\n", "unknown key 'camrea'"),
         ("", "gives no source"),
         ("[live", "cannot read mixture"),
     ],
@@ -141,6 +158,6 @@ def test_impossible_mixtures_are_named(write: Write, text: str, said: str) -> No
 
 
 def test_records_of_another_size_are_named(write: Write) -> None:
-    path = write('[records]\nfolder = "dataset"\nweight = 1\n')
+    path = write(f'{RECORDS}folder = "dataset"\nweight = 1\n')
     with pytest.raises(InputError, match="48 x 64 pixels; train with that --size"):
         load_mixture(path, size=(32, 32), seed=0, masked=False)

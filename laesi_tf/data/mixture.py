@@ -1,17 +1,20 @@
 """One stream of pictures from several sources: live scenes, cached records, real photos.
 
-A TOML file names them; a `weight` is a source's share of the stream, a `count` also bounds how many different
-pictures it gives (the paper's "1,7K real + 5K synthetic"):
+A TOML file has a table for each; a `weight` is a source's share of the stream, a `count` also bounds how many
+different pictures it gives (the paper's "1,7K real + 5K synthetic"):
 
-    [live]                      # scenes made on the fly
+    [scenes]
+    kind = "live"               # scenes made on the fly
     count = 5000
-    ranges = "rendering_2"
+    ranges = "rendering_2"      # or a table of ranges, [scenes.ranges]
 
-    [records]                   # a data set that generate made
+    [cached]
+    kind = "records"            # a data set that generate made
     folder = "dataset"
     count = 2000
 
-    [photos]                    # real photos
+    [photographs]
+    kind = "photos"             # real photos
     manifest = "photos/manifest.csv"
     split = "train"
     count = 1700
@@ -39,9 +42,9 @@ from laesi_tf.synthesis import load_ranges, synthesise
 
 SLOTS = 256
 """Pictures in which each source has its exact share; shares are rounded to as many parts."""
-_SHARE: dict[str, Any] = {"weight": int | float, "count": int}
+_SHARE: dict[str, Any] = {"kind": str, "weight": int | float, "count": int}
 _KEYS: dict[str, dict[str, Any]] = {
-    "live": _SHARE | {"ranges": str},
+    "live": _SHARE | {"ranges": str | dict},
     "records": _SHARE | {"folder": str},
     "photos": _SHARE | {"manifest": str, "split": str, "stream": bool},
 }
@@ -73,7 +76,9 @@ def load_mixture(path: Path | str, *, size: tuple[int, int], seed: int, masked: 
     if not wanted:
         raise InputError(f"mixture {path} gives no source a weight or count above 0")
     opened = Opening(path.parent, size, seed, masked)
-    return [Source(name, _share(table), _OPEN[name](table, opened)) for name, table in wanted.items()]
+    return [
+        Source(name, _share(table), _OPEN[table["kind"]](table, opened)) for name, table in wanted.items()
+    ]
 
 
 def mix(sources: Sequence[Source], *, seed: int, start: int = 0) -> tf.data.Dataset:
@@ -104,7 +109,7 @@ class Opening:
 
 def _live(table: Mapping[str, Any], opened: Opening) -> Stream:
     ranges = table.get("ranges", "rendering_2")
-    if str(ranges).endswith(".toml"):
+    if isinstance(ranges, str) and ranges.endswith(".toml"):
         ranges = opened.folder / ranges
     chosen = load_ranges(ranges).with_passes(1)
     if "count" not in table:
@@ -180,23 +185,23 @@ def _read(path: Path) -> dict[str, dict[str, Any]]:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"cannot read mixture {path}: {error}") from error
     for name, table in tables.items():
-        if name not in _KEYS or not isinstance(table, dict):
-            raise InputError(f"mixture {path}: unknown source {name!r}; use {', '.join(_KEYS)}")
+        kind = table.get("kind") if isinstance(table, dict) else None
+        if kind not in _KEYS:
+            raise InputError(f"mixture {path}: [{name}] is of kind {kind!r}; use {', '.join(_KEYS)}")
         for key, value in table.items():
-            _check(key, value, name, path)
+            _check(key, value, _KEYS[kind], f"mixture {path}: [{name}]")
     if len({share for table in tables.values() for share in ("weight", "count") if share in table}) > 1:
         raise InputError(f"mixture {path} has weights and counts; give every source one or the other")
     return tables
 
 
-def _check(key: str, value: Any, name: str, path: Path) -> None:
-    if key not in _KEYS[name]:
-        raise InputError(f"mixture {path}: [{name}] has no {key!r}; use {', '.join(sorted(_KEYS[name]))}")
-    kind = _KEYS[name][key]
-    if not isinstance(value, kind) or isinstance(value, bool) is not (kind is bool):
-        raise InputError(f"mixture {path}: [{name}] {key} = {value!r} is of the wrong type")
+def _check(key: str, value: Any, known: Mapping[str, Any], where: str) -> None:
+    if key not in known:
+        raise InputError(f"{where} has no {key!r}; use {', '.join(sorted(known))}")
+    if not isinstance(value, known[key]) or isinstance(value, bool) is not (known[key] is bool):
+        raise InputError(f"{where} {key} = {value!r} is of the wrong type")
     if key in ("weight", "count") and value < 0:
-        raise InputError(f"mixture {path}: [{name}] {key} = {value!r} must not be below 0")
+        raise InputError(f"{where} {key} = {value!r} must not be below 0")
 
 
 def _share(table: Mapping[str, Any]) -> float:

@@ -44,10 +44,15 @@ PRESETS: dict[str, Ranges] = {"rendering_1": RENDERING_1, "rendering_2": RENDERI
 _ROOMS = ("paper", "surface", "light", "props", "camera", "desk")
 
 
-def load_ranges(source: str | Path | Ranges) -> Ranges:
-    """Ranges by preset name or from a TOML file; Ranges pass through. Raises InputError, naming the key."""
+def load_ranges(source: str | Path | Ranges | Mapping[str, Any]) -> Ranges:
+    """Ranges by preset name, from a TOML file or from what such a file holds; Ranges pass through.
+
+    Raises InputError, naming the key.
+    """
     if isinstance(source, Ranges):
         return source
+    if isinstance(source, Mapping):
+        return _merge(dict(source), Path("ranges"))
     if str(source) in PRESETS:
         return PRESETS[str(source)]
     path = Path(source)
