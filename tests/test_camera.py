@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import middle
 
-from laesi_tf.synthesis import camera
+from laesi_tf.synthesis import camera, noise
 from laesi_tf.synthesis.camera import Camera
-from laesi_tf.synthesis.keys import Key
 
 ANGLES = st.floats(-math.pi, math.pi)
 FAST = settings(max_examples=25, deadline=None)
@@ -152,18 +151,28 @@ def test_development_is_what_its_numbers_say() -> None:
 def test_sensor_noise_has_its_strength_and_is_stronger_in_the_shadows() -> None:
     image = np.zeros((3, 100, 100), np.float32)
     image[:, 50:] = 0.9
-    silent = camera.sensor_noise(tf.constant(image), middle(Camera(), noise=0.0), Key(0, 0))
+    grain = noise.grain(tf.constant([0.2, 0.6]), (100, 100))
+    silent = camera.sensor_noise(tf.constant(image), middle(Camera(), noise=0.0), grain)
     np.testing.assert_array_equal(silent, image)
-    noisy = camera.sensor_noise(tf.constant(image), middle(Camera(), noise=0.04), Key(0, 0)).numpy() - image
+    noisy = camera.sensor_noise(tf.constant(image), middle(Camera(), noise=0.04), grain).numpy() - image
     assert noisy[:, :50].std() == pytest.approx(0.04 * 1.25, rel=0.05)
     assert noisy[:, 50:].std() == pytest.approx(0.04 * (1.25 - 0.54), rel=0.05)
 
 
 def test_chroma_softness_leaves_luma_alone() -> None:
     image = picture(size=(41, 50))
-    soft = camera.chroma_softness(tf.constant(image), middle(Camera(), compressed=True)).numpy()
+    soft = camera.chroma_softness(tf.constant(image)).numpy()
     np.testing.assert_allclose(np.tensordot(LUMA, soft, 1), np.tensordot(LUMA, image, 1), atol=1e-5)
     chroma, before = (x[0] - np.tensordot(LUMA, x, 1) for x in (soft, image))
     assert np.abs(np.diff(chroma)).mean() < 0.6 * np.abs(np.diff(before)).mean()
-    crisp = camera.chroma_softness(tf.constant(image), middle(Camera(), compressed=False))
-    np.testing.assert_array_equal(crisp, image)
+
+
+@pytest.mark.parametrize("size", [(40, 50), (41, 33)])
+def test_chroma_is_halved_and_doubled_as_resizing_does(size: tuple[int, int]) -> None:
+    image = picture(size=size)
+    chroma = image - np.tensordot(LUMA.astype(np.float32), image, 1)
+    even = np.pad(chroma, [(0, 0), (0, size[0] % 2), (0, size[1] % 2)], mode="edge")
+    halved = even.reshape(3, even.shape[1] // 2, 2, even.shape[2] // 2, 2).mean(axis=(2, 4))
+    doubled = [cv2.resize(c, even.shape[:0:-1], interpolation=cv2.INTER_LINEAR) for c in halved]
+    expected = image - chroma + np.stack(doubled)[:, : size[0], : size[1]]
+    np.testing.assert_allclose(camera.chroma_softness(tf.constant(image)), expected, atol=1e-5)

@@ -21,6 +21,12 @@ def disk() -> np.ndarray:
     return ((rows - 60) ** 2 + (columns - 80) ** 2 < 25**2).astype(np.float32)
 
 
+def lit_beside(disk: np.ndarray, lit: Light) -> np.ndarray:
+    """Light left [H, W] on a white sheet under `disk`, at 4 pixels per mm."""
+    depth = light.shadow(tf.constant(disk), lit, SIZE, tf.constant(4.0))
+    return light.shaded(tf.ones(SIZE), depth, lit).numpy()
+
+
 def centre_of(field: np.ndarray) -> np.ndarray:
     """Centroid (x, y)."""
     rows, columns = np.indices(field.shape) + 0.5
@@ -30,7 +36,7 @@ def centre_of(field: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("spread", [5.0, 9.0])
 def test_soften_is_a_gaussian_blur(spread: float) -> None:
     expected = cv2.GaussianBlur(disk(), (0, 0), spread, borderType=cv2.BORDER_CONSTANT)
-    found = light.soften(tf.constant(disk()), whole(SIZE), tf.constant(spread)).numpy()
+    found = light.soften(tf.constant(disk()), whole(SIZE), tf.constant(spread)).field.numpy()
     # Blocks of four pixels widen it by 4 / sqrt(12) px in quadrature.
     np.testing.assert_allclose(found, expected, atol=0.02)
 
@@ -38,7 +44,7 @@ def test_soften_is_a_gaussian_blur(spread: float) -> None:
 @pytest.mark.parametrize("angle", [0.0, 1.2, -2.5])
 def test_shadow_falls_where_light_travels(angle: float) -> None:
     lit = middle(Light(), strength=0.5, direction=angle, offset_mm=3.0, softness_mm=1.0)
-    left = light.shadow(tf.constant(disk()), lit, SIZE, tf.constant(4.0)).numpy()
+    left = lit_beside(disk(), lit)
     moved = centre_of(1 - left) - centre_of(disk())
     np.testing.assert_allclose(moved, [12 * math.cos(angle), 12 * math.sin(angle)], atol=0.1)
     assert left.min() == pytest.approx(0.5, abs=0.01) and left.max() <= 1
@@ -46,14 +52,14 @@ def test_shadow_falls_where_light_travels(angle: float) -> None:
 
 def test_shadow_of_no_strength_takes_no_light() -> None:
     lit = middle(Light(), strength=0.0)
-    assert (light.shadow(tf.constant(disk()), lit, SIZE, tf.constant(4.0)).numpy() == 1).all()
+    assert (lit_beside(disk(), lit) == 1).all()
 
 
 def test_larger_size_makes_a_softer_edge() -> None:
     steepest = []
     for softness in (0.5, 3.0):
         lit = middle(Light(), strength=0.5, softness_mm=softness)
-        left = light.shadow(tf.constant(disk()), lit, SIZE, tf.constant(4.0)).numpy()
+        left = lit_beside(disk(), lit)
         steepest.append(np.abs(np.diff(left, axis=1)).max())
     assert steepest[0] > 2 * steepest[1] > 0
 
@@ -87,14 +93,15 @@ def test_a_hands_shadow_takes_its_strength_from_one_side() -> None:
 
 def test_flat_surface_keeps_its_colour() -> None:
     colour = tf.constant(np.random.default_rng(0).uniform(size=(3, 8, 9)).astype(np.float32))
-    flat = tf.zeros([8, 9]), tf.zeros([8, 9])
-    np.testing.assert_allclose(light.relief(colour, flat, middle(Light(), gloss=0.3)), colour)
+    lit = middle(Light(), gloss=0.3)
+    flat = light.facing((tf.zeros([8, 9]), tf.zeros([8, 9])), lit)
+    np.testing.assert_allclose(light.relief(colour, flat, lit), colour)
 
 
 def test_flanks_towards_the_light_are_brighter() -> None:
     lit = middle(Light(), direction=0.0, relief=0.5, gloss=0.2)
     slopes = tf.constant([[-0.4, 0.0, 0.4]]), tf.zeros([1, 3])
-    towards, flat, away = light.relief(tf.fill([3, 1, 3], 0.5), slopes, lit).numpy()[0, 0]
+    towards, flat, away = light.relief(tf.fill([3, 1, 3], 0.5), light.facing(slopes, lit), lit).numpy()[0, 0]
     assert away == pytest.approx(0.4) and flat == pytest.approx(0.5)
     assert towards == pytest.approx(0.6 + 0.2 * 0.35**2)
 
@@ -102,7 +109,8 @@ def test_flanks_towards_the_light_are_brighter() -> None:
 def test_glass_lifts_the_dark_within_its_pane() -> None:
     image = tf.fill([3, *SIZE], 0.3)
     through = middle(Light(), glass=True, glass_strength=0.4, glass_veil=0.05, glass_width=0.2)
-    seen = light.glass(image, through).numpy()
+    seen = light.behind_glass(image, light.glass(through, SIZE)).numpy()
     assert seen.min() == pytest.approx(0.3 + 0.05 * 0.67, abs=5e-3)
     assert seen.max() == pytest.approx(0.3 + 0.45 * 0.67, abs=0.02)
-    np.testing.assert_array_equal(light.glass(image, middle(Light(), glass=False)), image)
+    without = light.glass(middle(Light(), glass=False), SIZE)
+    np.testing.assert_array_equal(light.behind_glass(image, without), image)

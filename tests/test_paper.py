@@ -1,6 +1,7 @@
 """The sheet and its ruling against direct evaluation, and measured on pictures."""
 
 import colorsys
+import dataclasses
 import itertools
 
 import numpy as np
@@ -56,13 +57,26 @@ def test_a_grid_finer_than_the_pixels_fades_to_its_mean() -> None:
     assert swing[0.1] > 0.9 and 0.1 < swing[0.5] < 0.5 and swing[1.0] < 0.01
 
 
+def ruling(sheet: Paper, x: np.ndarray, y: np.ndarray, samples: int, footprint: float) -> np.ndarray:
+    """Absorbance [3, H, W] at `x` and `y` [H, W] mm."""
+    passing = paper.transmission(sheet, samples, tf.constant(footprint))
+    lines = paper.ruling(sheet, passing, tf.constant(x, tf.float32), tf.constant(y, tf.float32))
+    return paper.absorbed(sheet, *lines).numpy()
+
+
+def one_period(sheet: Paper, samples: int, footprint: float) -> np.ndarray:
+    """Absorbance [3, n, n] over one period from its beginning, rows along y."""
+    at_start = dataclasses.replace(sheet, phase_x=tf.constant(0.0), phase_y=tf.constant(0.0))
+    places = (np.arange(10 * samples) + 0.5) / samples
+    return ruling(at_start, *np.meshgrid(places, places), samples, footprint)
+
+
 @settings(max_examples=10, deadline=None)
 @given(x=st.floats(-300, 300), y=st.floats(-300, 300), phase=st.floats(0, 10))
 def test_ruling_is_the_tile_repeated(x: float, y: float, phase: float) -> None:
     sheet = middle(Paper(), has_5mm=True, has_10mm=True, phase_x=phase, phase_y=3.0)
-    footprint = tf.constant(0.3)
-    tile = paper.ruling_tile(sheet, 40, footprint).numpy()
-    found = paper.ruling(sheet, tf.constant([[x]]), tf.constant([[y]]), 40, footprint).numpy()[:, 0, 0]
+    tile = one_period(sheet, 40, 0.3)
+    found = ruling(sheet, np.array([[x]]), np.array([[y]]), 40, 0.3)[:, 0, 0]
     row, column = (int(np.floor((place % 10) * 40)) % 400 for place in (y + 3, x + phase))
     around = [
         tile[:, (row + i) % 400, (column + j) % 400] for i, j in itertools.product((-1, 0, 1), repeat=2)
@@ -72,14 +86,14 @@ def test_ruling_is_the_tile_repeated(x: float, y: float, phase: float) -> None:
 
 def test_lines_of_either_axis_run_along_it() -> None:
     sheet = middle(Paper(), has_5mm=False, has_10mm=False, strength_10mm=0.0, ink_spread_mm=0.02)
-    tile = paper.ruling_tile(sheet, 20, tf.constant(0.05)).numpy().max(axis=0)
+    tile = one_period(sheet, 20, 0.05).max(axis=0)
     between_lines, on_line = tile[10, 10], (tile[0, 10], tile[10, 0])
     assert min(on_line) > between_lines + 0.1
 
 
 def test_a_sheet_has_5_or_10_mm_lines() -> None:
     without = middle(Paper(), has_5mm=False, has_10mm=False, strength_1mm=0.0)
-    assert np.ptp(paper.ruling_tile(without, 20, tf.constant(0.1)).numpy()) > 0.05
+    assert np.ptp(one_period(without, 20, 0.1)) > 0.05
 
 
 def bare(**camera: object) -> Ranges:

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis import noise
 from laesi_tf.synthesis.frame import Size
-from laesi_tf.synthesis.keys import Key, Purpose
+from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.ranges import Chance, Number
 
 
@@ -130,11 +129,11 @@ def sheet_coordinates(to_px: tf.Tensor, size: Size) -> tuple[tf.Tensor, tf.Tenso
     """Sheet position X, Y [H, W] in mm under each pixel's centre."""
     # The adjugate: a homography's inverse up to a factor, which the division removes.
     inverse = tf.linalg.cross(tf.gather(to_px, [1, 2, 0]), tf.gather(to_px, [2, 0, 1]))
-    v, u = np.mgrid[: size[0], : size[1]].astype(np.float32) + 0.5
-    pixels = tf.constant(np.stack([u, v, np.ones_like(u)]).reshape(3, -1))
-    x, y, w = tf.unstack(tf.linalg.matmul(inverse, pixels, transpose_a=True))
+    u = tf.range(size[1], dtype=tf.float32)[None, :] + 0.5
+    v = tf.range(size[0], dtype=tf.float32)[:, None] + 0.5
+    x, y, w = (u * column[0] + (v * column[1] + column[2]) for column in tf.unstack(inverse, axis=1))
     reciprocal = 1 / w
-    return tf.reshape(x * reciprocal, size), tf.reshape(y * reciprocal, size)
+    return x * reciprocal, y * reciprocal
 
 
 def blur(image: tf.Tensor, sigma: tf.Tensor, *, reach: int) -> tf.Tensor:
@@ -170,17 +169,34 @@ def focus(image: tf.Tensor, camera: Camera, px_per_mm: tf.Tensor) -> tf.Tensor:
     )
 
 
-def chroma_softness(image: tf.Tensor, camera: Camera) -> tf.Tensor:
+def chroma_softness(image: tf.Tensor) -> tf.Tensor:
     """JPEG-like softness of [3, H, W]: colour at half resolution, luma untouched (4:2:0 subsampling)."""
+    return _doubled(image, _halved_chroma(image))
 
-    def soften() -> tf.Tensor:
-        luma = _luma(image)
-        chroma = image - luma
-        coarse = tf.nn.avg_pool2d(chroma[..., None], 2, 2, "SAME")
-        size = image.shape[1:]
-        return luma + tf.image.resize(coarse, size)[..., 0]
 
-    return tf.cond(camera.compressed, soften, lambda: image)
+@fused
+def _halved_chroma(image: tf.Tensor) -> tf.Tensor:
+    """Means [3, ceil(H / 2), ceil(W / 2)] of colour less luma over blocks of two by two pixels."""
+    _, height, width = image.shape
+    last = tf.concat([image, image[:, -1:]], axis=1) if height % 2 else image
+    even = tf.concat([last, last[:, :, -1:]], axis=2) if width % 2 else last
+    corners = [even[:, row::2, column::2] for row in (0, 1) for column in (0, 1)]
+    mean = (corners[0] + corners[1] + corners[2] + corners[3]) / 4
+    return mean - _luma(mean)
+
+
+@fused
+def _doubled(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:
+    """Luma of `image` [3, H, W] with half-size `chroma` interpolated bilinearly to its size."""
+    for axis in (1, 2):
+        length = chroma.shape[axis]
+        first, rest = tf.split(chroma, [1, length - 1], axis)
+        before = tf.concat([first, tf.split(chroma, [length - 1, 1], axis)[0]], axis)
+        after = tf.concat([rest, tf.split(chroma, [length - 1, 1], axis)[1]], axis)
+        pair = tf.stack([0.75 * chroma + 0.25 * before, 0.75 * chroma + 0.25 * after], axis + 1)
+        shape = chroma.shape.as_list()
+        chroma = tf.reshape(pair, [*shape[:axis], 2 * length, *shape[axis + 1 :]])
+    return _luma(image) + chroma[:, : image.shape[1], : image.shape[2]]
 
 
 def develop(image: tf.Tensor, camera: Camera, paper: tf.Tensor) -> tf.Tensor:
@@ -192,13 +208,15 @@ def develop(image: tf.Tensor, camera: Camera, paper: tf.Tensor) -> tf.Tensor:
     gains = balance * (camera.exposure / tf.reduce_max(balance * paper[:, 0, 0]))
     mix = camera.saturation * tf.eye(3) + (1 - camera.saturation) * tf.constant([_LUMA] * 3)
     matrix = camera.contrast * mix * gains[None, :]
-    flat = tf.reshape(image, [3, -1])
-    return tf.reshape(matrix @ flat + 0.5 * (1 - camera.contrast), image.shape)
+    mixed = sum(matrix[:, channel, None, None] * image[channel] for channel in range(3))
+    return mixed + 0.5 * (1 - camera.contrast)
 
 
-def sensor_noise(image: tf.Tensor, camera: Camera, key: Key) -> tf.Tensor:
-    """Sensor noise on [3, H, W], stronger in the shadows as a tone curve makes it."""
-    grain = noise.grain(key.uniform([2], Purpose.SENSOR), (image.shape[1], image.shape[2]))
+def sensor_noise(image: tf.Tensor, camera: Camera, grain: tf.Tensor) -> tf.Tensor:
+    """Sensor noise on [3, H, W], stronger in the shadows as a tone curve makes it.
+
+    `grain` [3, H, W] has unit variance.
+    """
     return image + camera.noise * (1.25 - 0.6 * image[1]) * grain
 
 

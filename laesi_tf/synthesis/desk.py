@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise, paper
-from laesi_tf.synthesis.frame import whole
+from laesi_tf.synthesis.frame import Size, whole
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -29,13 +29,20 @@ class Desk:
     shadow_mm: Number = (1.0, 8.0)
 
 
-def desk(top: Desk, key: Key, distance_mm: tf.Tensor) -> tf.Tensor:
-    """Colour [3, H, W] of the table top, darker near the sheet (`distance_mm` [H, W], negative off it)."""
-    size = (distance_mm.shape[0], distance_mm.shape[1])
-    hue = tf.where(top.cold, top.hue + 0.5, top.hue)
-    colour = paper.tint(hue, top.saturation)[:, None, None] * top.brightness
+def grain(top: Desk, key: Key, size: Size) -> tf.Tensor:
+    """Grain [H, W] of the table top, about [-1, 1]."""
     lattice = key.uniform([_NODES, _NODES], Purpose.DESK)
     # Repeating one column along a row stretches the noise into fibres without a second kind of noise.
     fibres = tf.where(top.lengthwise, 0.75 * lattice[:, :1] + 0.25 * lattice, lattice)
+    return noise.simple(fibres, whole(size), cells=top.grain_cells).field
+
+
+def desk(top: Desk, grained: tf.Tensor, distance_mm: tf.Tensor) -> tf.Tensor:
+    """Colour [3, H, W] of the table top, darker near the sheet (`distance_mm` [H, W], negative off it).
+
+    `grained` [H, W] is its `grain`.
+    """
+    hue = tf.where(top.cold, top.hue + 0.5, top.hue)
+    colour = paper.tint(hue, top.saturation)[:, None, None] * top.brightness
     shade = 1 - top.shadow * tf.exp(tf.minimum(distance_mm / top.shadow_mm, 0))
-    return colour * (shade * (1 + top.grain * noise.simple(fibres, whole(size), cells=top.grain_cells)))
+    return colour * (shade * (1 + top.grain * grained))

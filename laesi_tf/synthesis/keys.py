@@ -1,6 +1,7 @@
 """Keys of the counter-based generator: (seed, index, purpose) names one stream of random numbers."""
 
 import enum
+from typing import Any
 
 import tensorflow as tf
 
@@ -28,6 +29,7 @@ class Purpose(enum.IntEnum):
     MOTTLE = 18
 
 
+_PHILOX = tf.random.Algorithm.PHILOX.value
 _PURPOSES = 64
 """Room for purposes to come: adding one leaves every other stream as it was."""
 
@@ -42,13 +44,16 @@ class Key:
         self.seed = tf.cast(seed, tf.int64)
         self.index = tf.cast(index, tf.int64)
 
-    def _state(self, purpose: Purpose) -> tf.Tensor:
-        return tf.stack([self.seed * _PURPOSES + int(purpose), self.index])
+    def _stream(self, shape: list[int], purpose: Purpose) -> dict[str, Any]:
+        """Arguments of the generator's bare ops: tf.random's functions wrap them in twenty more."""
+        state = tf.stack([self.seed * _PURPOSES + int(purpose), self.index])
+        key, counter = tf.raw_ops.StatelessRandomGetKeyCounter(seed=state)
+        return {"shape": shape, "key": key, "counter": counter, "alg": _PHILOX}
 
     def uniform(self, shape: list[int], purpose: Purpose) -> tf.Tensor:
         """Uniform [0, 1) float32 numbers of `shape`."""
-        return tf.random.stateless_uniform(shape, self._state(purpose), alg="philox")
+        return tf.raw_ops.StatelessRandomUniformV2(**self._stream(shape, purpose))
 
     def normal(self, shape: list[int], purpose: Purpose) -> tf.Tensor:
         """Standard normal float32 numbers of `shape`."""
-        return tf.random.stateless_normal(shape, self._state(purpose), alg="philox")
+        return tf.raw_ops.StatelessRandomNormalV2(**self._stream(shape, purpose))

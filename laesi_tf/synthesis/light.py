@@ -59,13 +59,17 @@ def direction(light: Light) -> tf.Tensor:
 
 
 def shadow(coverage: tf.Tensor, light: Light, size: Size, px_per_mm: tf.Tensor) -> tf.Tensor:
-    """Light that is left, [H, W] in [0, 1], beside a caster of `coverage` [H, W] (shadow mapping).
+    """Depth of the shadow, [H, W] in about [0, 1], beside a caster of `coverage` [H, W] (shadow mapping).
 
     The caster is shifted by p and blurred by sz while it is interpolated from a quarter of the resolution.
     """
     shift = light.offset_mm * px_per_mm * direction(light)
-    shade = soften(coverage, whole(size), light.softness_mm * px_per_mm, shift=shift)
-    return 1 - light.strength * tf.minimum(shade, 1)
+    return soften(coverage, whole(size), light.softness_mm * px_per_mm, shift=shift).field
+
+
+def shaded(image: tf.Tensor, depth: tf.Tensor, light: Light) -> tf.Tensor:
+    """[3, H, W] with a shadow of `depth` [H, W] on it."""
+    return image * (1 - light.strength * tf.minimum(depth, 1))
 
 
 def soften(
@@ -74,12 +78,21 @@ def soften(
     spread_px: tf.Tensor,
     *,
     shift: tf.Tensor | tuple[float, float] = (0.0, 0.0),
-) -> tf.Tensor:
-    """Blur a field [H, W] by a Gaussian of `spread_px` and shift it by (x, y) pixels."""
-    coarse = tf.nn.avg_pool2d(coverage[None, ..., None], _COARSE, _COARSE, "SAME")[0, ..., 0]
+) -> noise.Factors:
+    """Blur a field [H, W] that ends in zeros by a Gaussian of `spread_px` and shift it by (x, y) pixels."""
+    coarse = _block_means(coverage, frame)
     down = _smear(frame.height, shift[1], spread_px)
     across = _smear(frame.width, shift[0], spread_px)
-    return tf.linalg.matmul(down @ coarse, across, transpose_b=True)
+    return noise.Factors(down @ coarse, across)
+
+
+def _block_means(field: tf.Tensor, frame: Frame) -> tf.Tensor:
+    """Means over blocks of `_COARSE` pixels a side. Sums along one axis at a time: avg_pool2d takes thrice
+    as long on a single channel."""
+    padded = tf.pad(field, [[0, -frame.height % _COARSE], [0, -frame.width % _COARSE]])
+    rows = tf.reduce_sum(tf.reshape(padded, [-1, _COARSE, tf.shape(padded)[1]]), axis=1)
+    blocks = tf.reduce_sum(tf.reshape(rows, [tf.shape(rows)[0], -1, _COARSE]), axis=2)
+    return blocks * (1 / _COARSE**2)
 
 
 def _smear(length: tf.Tensor | int, shift: tf.Tensor | float, spread_px: tf.Tensor) -> tf.Tensor:
@@ -98,24 +111,28 @@ def illumination(light: Light, key: Key, size: Size) -> tf.Tensor:
     along = direction(light)
     field = 1 + light.slope * (x * along[0] + y * along[1]) - light.vignette * (x * x + y * y)
     random = key.uniform([8, 8], Purpose.ILLUMINATION)
-    field *= 1 + light.unevenness * noise.simple(random, whole((LATTICE, LATTICE)))
+    field *= 1 + light.unevenness * noise.simple(random, whole((LATTICE, LATTICE))).field
     distance = x * tf.cos(light.cast_angle) + y * tf.sin(light.cast_angle) - light.cast_offset
     strength = light.cast_strength * tf.cast(light.cast, tf.float32)
     field *= 1 - strength * tf.sigmoid(distance / light.cast_softness)
-    return noise.upsample(field, whole(size))
+    return noise.upsample(field, whole(size)).field
 
 
-def relief(colour: tf.Tensor, slopes: tuple[tf.Tensor, tf.Tensor], light: Light) -> tf.Tensor:
-    """Shade [3, H, W] by its surface's `slopes`: Lambert's law to first order, and a highlight."""
+def facing(slopes: tuple[tf.Tensor, tf.Tensor], light: Light) -> tf.Tensor:
+    """How far [H, W] a surface with `slopes` (dH/dx and dH/dy) leans towards the light."""
     along = direction(light)
-    facing = -(slopes[0] * along[0] + slopes[1] * along[1])
+    return -(slopes[0] * along[0] + slopes[1] * along[1])
+
+
+def relief(colour: tf.Tensor, facing: tf.Tensor, light: Light) -> tf.Tensor:
+    """Shade [3, H, W] by how it is `facing` [H, W] the light: Lambert's law and a highlight."""
     lit = tf.clip_by_value(1 + light.relief * facing, 0.3, 1.8)
     highlight = tf.clip_by_value(facing - 0.05, 0, 0.8)
     return colour * lit + light.gloss * highlight * highlight
 
 
-def glass(image: tf.Tensor, light: Light) -> tf.Tensor:
-    """A pane over [3, H, W]: a veil that lifts the shadows and the soft-edged reflection of a window."""
+def glass(light: Light, size: Size) -> tf.Tensor:
+    """How much [H, W] of the light comes from a pane: a veil and the soft-edged reflection of a window."""
 
     def reflect() -> tf.Tensor:
         x, y = _frame(2 * LATTICE)
@@ -126,11 +143,14 @@ def glass(image: tf.Tensor, light: Light) -> tf.Tensor:
         bars = tf.sigmoid((tf.abs(tf.abs(along) - 0.2) - 0.02) / 0.01) * tf.sigmoid(
             (0.42 - tf.abs(along)) / 0.03
         )
-        reflection = noise.upsample(pane * bars, whole((image.shape[1], image.shape[2])))
-        strength = light.glass_veil + light.glass_strength * reflection
-        return image + strength * (0.97 - image)
+        return light.glass_veil + light.glass_strength * noise.upsample(pane * bars, whole(size)).field
 
-    return tf.cond(light.glass, reflect, lambda: image)
+    return tf.cond(light.glass, reflect, lambda: tf.zeros(size))
+
+
+def behind_glass(image: tf.Tensor, reflected: tf.Tensor) -> tf.Tensor:
+    """[3, H, W] behind a pane that reflects as much as `glass` says: its shadows are lifted."""
+    return image + reflected * (0.97 - image)
 
 
 def _frame(nodes: int) -> tuple[tf.Tensor, tf.Tensor]:

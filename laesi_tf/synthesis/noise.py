@@ -2,10 +2,12 @@
 
 Every field is a product of small matrices: a random lattice between two interpolation matrices. Nothing
 is hashed per pixel, so low-frequency noise costs next to nothing at any picture size.
-Fields are float32 [H, W] of a frame; `cells` is how many lattice cells span the picture's longer side.
+Fields are float32 [H, W] of a frame, kept as those matrices (`Factors`) until they are needed; `cells` is how
+many lattice cells span the picture's longer side.
 """
 
 import functools
+from dataclasses import dataclass
 
 import numpy as np
 import tensorflow as tf
@@ -33,8 +35,30 @@ def _spline(offsets: tf.Tensor) -> tf.Tensor:
     return far * far * far * (1 / 6) - near * near * near * (4 / 6)
 
 
-def upsample(lattice: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> tf.Tensor:
-    """Interpolate a lattice [n, n] smoothly over a picture: [H, W].
+@dataclass(frozen=True)
+class Factors:
+    """A field as the matrix product of `down` [H, k] and `across` [W, k]: fields are added before they are
+    multiplied out, so that a sum of several is made in one pass over the picture."""
+
+    down: tf.Tensor
+    across: tf.Tensor
+
+    def __add__(self, other: "Factors") -> "Factors":
+        return Factors(
+            tf.concat([self.down, other.down], axis=1), tf.concat([self.across, other.across], axis=1)
+        )
+
+    def __mul__(self, scale: tf.Tensor | float) -> "Factors":
+        return Factors(self.down * scale, self.across)
+
+    @property
+    def field(self) -> tf.Tensor:
+        """The field [H, W]."""
+        return tf.linalg.matmul(self.down, self.across, transpose_b=True)
+
+
+def upsample(lattice: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> Factors:
+    """Interpolate a lattice [n, n] smoothly over a picture.
 
     `cells` defaults to as many as the lattice holds, n - 3, and is never more: a spline reaches one node
     beyond each border.
@@ -42,10 +66,10 @@ def upsample(lattice: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | Non
     nodes = lattice.shape[-1]
     cells = nodes - 3 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 3)
     down, across = (_spline(offsets + 1) for offsets in _offsets(frame, nodes, cells))
-    return tf.linalg.matmul(down @ lattice, across, transpose_b=True)
+    return Factors(down @ lattice, across)
 
 
-def simple(values: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> tf.Tensor:
+def simple(values: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> Factors:
     """Simple (value) noise S: `values` [n, n] uniform in [0, 1), scaled to mean 0 and about [-1, 1].
 
     The spline averages neighbours, which halves the values' spread; hence the factor.
@@ -53,17 +77,17 @@ def simple(values: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None =
     return upsample(values * 4 - 2, frame, cells=cells)
 
 
-def gradient(gradients: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> tf.Tensor:
+def gradient(gradients: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> Factors:
     """Gradient (Perlin) noise G from `gradients` [2, n, n] in (-1, 1): about [-1, 1], zero at the nodes.
 
-    Perlin's sum over the four corners of fade(x) fade(y) (g . d) is separable, hence four matrix products.
+    Perlin's sum over the four corners of fade(x) fade(y) (g . d) is separable, hence the matrix products.
     """
     nodes = gradients.shape[-1]
     cells = nodes - 1 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 1)
     down, across = _offsets(frame, nodes, cells)
     down_weights, across_weights = (_fade(tf.maximum(1 - tf.abs(offsets), 0)) for offsets in (down, across))
-    along_x = tf.linalg.matmul(down_weights @ gradients[0], across_weights * across * 1.4, transpose_b=True)
-    along_y = tf.linalg.matmul((down_weights * down) @ gradients[1], across_weights * 1.4, transpose_b=True)
+    along_x = Factors(down_weights @ gradients[0], across_weights * across * 1.4)
+    along_y = Factors((down_weights * down) @ gradients[1], across_weights * 1.4)
     return along_x + along_y
 
 
@@ -91,17 +115,17 @@ def voronoi_lattice(jitter: tf.Tensor) -> tf.Tensor:
     return tf.reshape(tf.sqrt(tf.reduce_min(down * down + across * across, axis=0)), [side, side])
 
 
-def voronoi(jitter: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float = VORONOI_CELLS) -> tf.Tensor:
+def voronoi(jitter: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float = VORONOI_CELLS) -> Factors:
     """Voronoi noise V: distance to the nearest feature point, mean about 0, range about [-1, 1]."""
     span = tf.minimum(tf.cast(cells, tf.float32), VORONOI_CELLS) * _SAMPLES - 3
     return upsample(voronoi_lattice(jitter) * 2 - 0.9, frame, cells=span)
 
 
 def blend(
-    weights: tuple[tf.Tensor, tf.Tensor, tf.Tensor], fields: tuple[tf.Tensor, tf.Tensor, tf.Tensor]
-) -> tf.Tensor:
-    """L = wG G + wV V + wS S (paper, section 3.1): [H, W]."""
-    return weights[0] * fields[0] + weights[1] * fields[1] + weights[2] * fields[2]
+    weights: tuple[tf.Tensor, tf.Tensor, tf.Tensor], fields: tuple[Factors, Factors, Factors]
+) -> Factors:
+    """L = wG G + wV V + wS S (paper, section 3.1)."""
+    return fields[0] * weights[0] + fields[1] * weights[1] + fields[2] * weights[2]
 
 
 @functools.cache

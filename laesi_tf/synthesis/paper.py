@@ -84,7 +84,7 @@ class Paper:
 
 
 def samples_per_mm(size: Size) -> int:
-    """Resolution of the ruling's tile: four samples a pixel at the closest view (70 mm across)."""
+    """Resolution of the ruling's profiles: four samples a pixel at the closest view (70 mm across)."""
     return max(10, math.ceil(4 * max(size) / 70))
 
 
@@ -107,32 +107,36 @@ def line_profiles(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Ten
     return tf.clip_by_value((coefficients * tf.constant(_MEMBERSHIP)) @ sines + share[:, None], 0, 1)
 
 
-def ruling_tile(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
-    """Absorbance of the ruling over one 10 mm square: [3, n, n], rows along y, n = PERIOD_MM * samples."""
+def transmission(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
+    """Light that passes lines across x (fine, heavy) and down y (fine, heavy) over one period: [4, n].
+
+    A ruling is a product of lines along either axis, so two profiles each hold all of it.
+    """
     profiles = line_profiles(paper, samples, footprint_mm)
     # Without a heavy family the sheet would be a plain 1 mm grid, which is not sold: keep one of the two.
     has_10mm = tf.cast(paper.has_10mm | ~paper.has_5mm, tf.float32)
     strength_5mm = paper.strength_5mm * tf.cast(paper.has_5mm, tf.float32)
     strengths = tf.stack([paper.strength_1mm, strength_5mm, paper.strength_10mm * has_10mm])[:, None]
     across, down = 1 - profiles * strengths, 1 - profiles * tf.minimum(strengths * paper.balance, 1)
-    fine = 1 - across[0] * down[0][:, None]
-    heavy = 1 - (across[1] * across[2]) * (down[1] * down[2])[:, None]
+    return tf.stack([across[0], across[1] * across[2], down[0], down[1] * down[2]])
+
+
+def ruling(paper: Paper, passing: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Coverage [H, W] by fine and by heavy lines at `x_mm`, `y_mm` [H, W].
+
+    `passing` [4, n] is the sheet's `transmission`.
+    """
+    column = _cell(x_mm + paper.phase_x, passing.shape[1])
+    row = _cell(y_mm + paper.phase_y, passing.shape[1])
+    fine = 1 - tf.gather(passing[0], column) * tf.gather(passing[2], row)
+    heavy = 1 - tf.gather(passing[1], column) * tf.gather(passing[3], row)
+    return fine, heavy
+
+
+def absorbed(paper: Paper, fine: tf.Tensor, heavy: tf.Tensor) -> tf.Tensor:
+    """What the inks of the fine and the heavy lines [H, W] take from red, green and blue: [3, H, W]."""
     fine_ink, heavy_ink = ink_absorbances(paper)
     return 1 - (1 - fine * fine_ink) * (1 - heavy * heavy_ink)
-
-
-def ruling(
-    paper: Paper, x_mm: tf.Tensor, y_mm: tf.Tensor, samples: int, footprint_mm: tf.Tensor
-) -> tf.Tensor:
-    """Absorbance [3, H, W] of the ruling at sheet coordinates `x_mm`, `y_mm` [H, W]."""
-    side = PERIOD_MM * samples
-    tile = tf.reshape(ruling_tile(paper, samples, footprint_mm), [3, -1])
-    column = _turns(x_mm + paper.phase_x) * side
-    row = tf.floor(_turns(y_mm + paper.phase_y) * side)
-    # Rounding can lift the last cell of the last row over the end of the tile.
-    flat = tf.minimum(tf.cast(row * side + column, tf.int32), side * side - 1)
-    # One gather_nd a channel: gathering triples and transposing them takes half as long again.
-    return tf.stack([tf.gather_nd(channel, flat[..., None]) for channel in tf.unstack(tile)])
 
 
 def colour(paper: Paper) -> tf.Tensor:
@@ -154,7 +158,7 @@ def wear(paper: Paper, key: Key, size: Size) -> tuple[tf.Tensor, tf.Tensor]:
     )
     weights = (paper.gradient_weight, paper.voronoi_weight, paper.simple_weight)
     strength = noise.upsample(values[1], frame, cells=paper.simple_cells)
-    return noise.blend(weights, fields), 1 - paper.print_wear * strength
+    return noise.blend(weights, fields).field, 1 - paper.print_wear * strength.field
 
 
 def crease(paper: Paper, x_mm: tf.Tensor, y_mm: tf.Tensor, fov_mm: tf.Tensor) -> tf.Tensor:
@@ -188,9 +192,11 @@ def ink_absorbances(paper: Paper) -> tuple[tf.Tensor, tf.Tensor]:
     return fine[:, None, None], tf.minimum(heavy * paper.heavy_darkness, 1)[:, None, None]
 
 
-def _turns(position_mm: tf.Tensor) -> tf.Tensor:
+def _cell(position_mm: tf.Tensor, cells: int) -> tf.Tensor:
+    """Which of the `cells` of a period each position falls into."""
     turns = position_mm * (1 / PERIOD_MM)
-    return turns - tf.floor(turns)
+    # Rounding can lift a position just short of the period onto its end.
+    return tf.minimum(tf.cast((turns - tf.floor(turns)) * cells, tf.int32), cells - 1)
 
 
 def _sinc(x: tf.Tensor) -> tf.Tensor:

@@ -86,38 +86,50 @@ def palette(season: tf.Tensor) -> tf.Tensor:
     return tf.linalg.matvec(tf.constant(PALETTE), weights, transpose_a=True)[:, None, None]
 
 
-def blade(surface: Surface, key: Key, frame: Frame, texture: tf.Tensor | None) -> tf.Tensor:
-    """The texture T [3, H, W] before veins: C1 and C2 blended by gradient noise, with fine mottling.
+def blend(surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
+    """Gradient noise [H, W], about [-1, 1], by which C1 and C2 are blended."""
+    gradients = key.uniform([2, _BLEND_NODES, _BLEND_NODES], Purpose.SURFACE)
+    return noise.gradient(gradients * 2 - 1, frame, cells=surface.blend_cells).field
+
+
+def mottle(surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
+    """Fine mottling [H, W], about [-1, 1]."""
+    fine = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.MOTTLE)
+    return noise.simple(fine, frame, cells=surface.mottle_cells).field
+
+
+def spots(surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
+    """Cover [H, W] in [0, 1] by brown spots and patches, on leaves that have them."""
+
+    def stains() -> tf.Tensor:
+        lattice = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.SPOTS)
+        field = noise.simple(lattice, frame, cells=surface.spot_cells).field
+        return tf.clip_by_value((field - surface.spot_threshold) * 8, 0, 0.9)
+
+    return tf.cond(surface.spotted, stains, lambda: tf.zeros([frame.height, frame.width]))
+
+
+def blade(surface: Surface, blended: tf.Tensor, mottled: tf.Tensor, texture: tf.Tensor | None) -> tf.Tensor:
+    """The texture T [3, H, W] before veins: C1 and C2 blended by `blend`, times `mottle`.
 
     `texture` [3, H, W], where given, is a photograph's relief around mean 1 that multiplies C1.
     """
-    gradients = key.uniform([2, _BLEND_NODES, _BLEND_NODES], Purpose.SURFACE)
-    fine = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.MOTTLE)
     first, second = base_colours(surface)
-    blended = noise.gradient(gradients * 2 - 1, frame, cells=surface.blend_cells)
     share = tf.clip_by_value(0.5 + surface.blend_sharpness * blended, 0, 1)
-    mottle = 1 + surface.mottle * noise.simple(fine, frame, cells=surface.mottle_cells)
     if texture is not None:
         first = first * (1 + surface.texture_share * (texture - 1))
-    return (first + share * (second - first)) * mottle
+    return (first + share * (second - first)) * (1 + surface.mottle * mottled)
 
 
-def spots(colour: tf.Tensor, surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
-    """Brown spots and patches on [3, H, W], where the leaf has them."""
-
-    def stain() -> tf.Tensor:
-        lattice = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.SPOTS)
-        field = noise.simple(lattice, frame, cells=surface.spot_cells)
-        cover = tf.clip_by_value((field - surface.spot_threshold) * 8, 0, 0.9)
-        return colour + cover * (palette(surface.spot_season) - colour)
-
-    return tf.cond(surface.spotted, stain, lambda: colour)
+def spotted(colour: tf.Tensor, surface: Surface, cover: tf.Tensor) -> tf.Tensor:
+    """[3, H, W] with brown spots that `cover` [H, W] of it."""
+    return colour + cover * (palette(surface.spot_season) - colour)
 
 
-def undulation(surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
-    """Voronoi displacement of the blade's height [H, W], about [-1, 1] (paper: vertex displacement)."""
+def undulation(surface: Surface, key: Key, frame: Frame) -> noise.Factors:
+    """Voronoi displacement of the blade's height, about [-1, 1] (paper: vertex displacement)."""
     jitter = key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.SURFACE_VORONOI)
-    return surface.undulation * noise.voronoi(jitter, frame, cells=surface.undulation_cells)
+    return noise.voronoi(jitter, frame, cells=surface.undulation_cells) * surface.undulation
 
 
 def normals(height_mm: tf.Tensor, px_per_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
@@ -134,7 +146,10 @@ def vein_tint(colour: tf.Tensor, surface: Surface, coverage: tf.Tensor) -> tf.Te
 
 
 def browned_margin(colour: tf.Tensor, surface: Surface, inwardness: tf.Tensor) -> tf.Tensor:
-    """Brown [3, H, W] towards the margin; `inwardness` [H, W] is the softened coverage, about 0.5 there."""
+    """Brown [3, H, W] towards the margin; `inwardness` [H, W] is the softened coverage, about 0.5 there.
+
+    From 1 up nothing is browned.
+    """
     edge = tf.clip_by_value(2 - 2 * inwardness, 0, 1)
     return colour + surface.margin_depth * edge * edge * (palette(tf.constant(0.8)) - colour)
 
