@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from scenes import middle
 
 from laesi_tf.synthesis import raster, veins
-from laesi_tf.synthesis.keys import Key
+from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.leaf import Leaf, midrib
 
 COMMANDS = st.lists(st.tuples(st.floats(-3, 3), st.floats(0, 5)), min_size=1, max_size=12)
+RANDOM = Key(0, 0).normal([2, 9, veins.STEPS + 2], Purpose.VEINS)
 
 
 def walk(start: tuple[float, float], heading: float, commands: list[tuple[float, float]]) -> np.ndarray:
@@ -41,7 +42,7 @@ def test_ribbon_of_a_straight_path_has_its_width() -> None:
 
 def test_secondary_veins_leave_the_midrib_on_both_sides() -> None:
     leaf = middle(Leaf(), veins=8.0)
-    paths, exists = veins.secondary_paths(leaf, Key(0, 0), tf.constant(0.0))
+    paths, exists = veins.secondary_paths(leaf, RANDOM, tf.constant(0.0))
     points, tangents = midrib(leaf, tf.linspace(0.0, 1.2, 2400) * leaf.length_mm)
     starts = tf.reshape(paths[:, :, 0], [-1, 2]).numpy()
     nearest = np.argmin(np.linalg.norm(starts[:, None] - points.numpy(), axis=-1), axis=1)
@@ -57,8 +58,8 @@ def test_secondary_veins_leave_the_midrib_on_both_sides() -> None:
 
 def test_brownian_jitter_makes_paths_wander() -> None:
     leaf = middle(Leaf())
-    straight, _ = veins.secondary_paths(leaf, Key(0, 0), tf.constant(0.0))
-    jittery, _ = veins.secondary_paths(leaf, Key(0, 0), tf.constant(0.06))
+    straight, _ = veins.secondary_paths(leaf, RANDOM, tf.constant(0.0))
+    jittery, _ = veins.secondary_paths(leaf, RANDOM, tf.constant(0.06))
     np.testing.assert_allclose(straight[:, :, 0], jittery[:, :, 0], atol=1e-4)
     headings = [np.arctan2(*np.moveaxis(np.diff(path, axis=2), -1, 0)) for path in (jittery, straight)]
     wander = np.diff(np.unwrap(headings[0] - headings[1]), axis=2)

@@ -7,6 +7,7 @@ Images are planar here: [3, H, W] in [0, 1], which on a CPU is several times fas
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
@@ -51,8 +52,7 @@ class Camera:
     """JPEG halves the resolution of colour."""
 
 
-@dataclass(frozen=True)
-class View:
+class View(NamedTuple):
     """One camera position: `to_px` maps sheet mm to pixels, `px_per_mm` is the scale at the centroid."""
 
     to_px: tf.Tensor
@@ -67,16 +67,16 @@ MARGIN = 0.02
 """The leaf keeps this fraction of the picture's side between itself and the frame."""
 
 
-def view(camera: Camera, outline: tf.Tensor, size: Size) -> View:
+def view(camera: Camera, outline: tf.Tensor, size: Size | tf.Tensor) -> View:
     """Point the camera at the leaf `outline` [n, 2] (sheet mm, centred) so that it lies in the frame."""
-    height, width = size
+    height, width = tf.unstack(tf.cast(size, tf.float32))
     extent = tf.reduce_max(outline, axis=0) - tf.reduce_min(outline, axis=0)
     fov = tf.clip_by_value(tf.reduce_max(extent) / camera.fill, camera.closest_mm, camera.farthest_mm)
     tilt = camera.tilt_deg * tf.cast(camera.tilted, tf.float32) * (math.pi / 180)
     homography = _pinhole(tilt, camera.tilt_direction, camera.roll, camera.focal * fov, width / fov)
     box = project(homography, outline)
     corner, box_size = tf.reduce_min(box, axis=0), tf.reduce_max(box, axis=0) - tf.reduce_min(box, axis=0)
-    frame = tf.constant([width, height], tf.float32)
+    frame = tf.stack([width, height])
     room = frame - 2 * MARGIN * frame
     zoom = tf.minimum(tf.reduce_min(room / box_size), 1)
     place = tf.stack([camera.place_x, camera.place_y])
@@ -122,7 +122,8 @@ def project(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
 def scale_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
     """Pixels per millimetre at `point` [2] mm: root of the Jacobian determinant, |det H| / w^3."""
     w = tf.reduce_sum(homography[2, :2] * point) + homography[2, 2]
-    return tf.sqrt(tf.abs(tf.linalg.det(homography)) / tf.abs(w) ** 3)
+    determinant = tf.reduce_sum(homography[0] * tf.linalg.cross(homography[1], homography[2]))
+    return tf.sqrt(tf.abs(determinant) / tf.abs(w) ** 3)
 
 
 def sheet_coordinates(to_px: tf.Tensor, size: Size) -> tuple[tf.Tensor, tf.Tensor]:

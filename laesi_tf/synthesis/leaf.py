@@ -12,6 +12,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import curves, raster
+from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -184,8 +185,14 @@ def outline(leaf: Leaf, key: Key) -> tf.Tensor:
     Runs from the petiole's end along the left side to the tip and back along the right side.
     """
     normals = key.normal([2, CONTROLS + 2 * _FINE, 2], Purpose.OUTLINE)
+    ring = _ring(leaf, normals, key.uniform([2, BITES, 3], Purpose.BITES))
+    return raster.resample(ring, OUTLINE_POINTS)
+
+
+@fused
+def _ring(leaf: Leaf, normals: tf.Tensor, bites: tf.Tensor) -> tf.Tensor:
+    """The outline [n, 2] through the points that its curves are made of, which are spaced unevenly."""
     controls, fine = normals[:, :CONTROLS], normals[:, CONTROLS:, 0]
-    bites = key.uniform([2, BITES, 3], Purpose.BITES)
     along, across = _blade(leaf, controls, fine, bites)
     along, across = along * leaf.length_mm, across * leaf.length_mm
     stalk = leaf.petiole_width_mm / 2 * tf.maximum(1 - along / leaf.length_mm, 0) ** 4
@@ -193,7 +200,7 @@ def outline(leaf: Leaf, key: Key) -> tf.Tensor:
     reach, thickness = _petiole(leaf)
     ring = tf.concat([reach, along[0], along[1, ::-1], reach[::-1]], axis=0)
     offset = tf.concat([-thickness, -across[0], across[1, ::-1], thickness[::-1]], axis=0)
-    return raster.resample(_bend(leaf, ring, offset), OUTLINE_POINTS)
+    return _bend(leaf, ring, offset)
 
 
 def holes(leaf: Leaf, key: Key) -> tf.Tensor:
@@ -203,7 +210,11 @@ def holes(leaf: Leaf, key: Key) -> tf.Tensor:
     within the middle of the half-blade, so holes never meet each other or the margin. Bitten leaves have
     none: a bite may reach where a hole would be.
     """
-    place = key.uniform([HOLES, 8], Purpose.HOLES)
+    return _hole_outlines(leaf, key.uniform([HOLES, 8], Purpose.HOLES))
+
+
+@fused
+def _hole_outlines(leaf: Leaf, place: tf.Tensor) -> tf.Tensor:
     along = 0.28 + (tf.range(HOLES, dtype=tf.float32) + 0.2 + 0.6 * place[:, 0]) * (0.44 / HOLES)
     half_width = _half_width(leaf, along) * (1 - leaf.lobe_depth) * 0.5 * leaf.aspect
     side = tf.where(place[:, 1] < 0.5, -1.0, 1.0)

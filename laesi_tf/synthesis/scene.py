@@ -12,6 +12,7 @@ from laesi_tf.synthesis import leaf as leaves
 from laesi_tf.synthesis.camera import Camera, View
 from laesi_tf.synthesis.desk import Desk
 from laesi_tf.synthesis.frame import Frame, Size, Window, window
+from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.leaf import Leaf
 from laesi_tf.synthesis.light import Light
@@ -121,8 +122,7 @@ class Pose(NamedTuple):
         return tf.reshape(flat, tf.shape(points))
 
 
-@dataclasses.dataclass(frozen=True)
-class Geometry:
+class Geometry(NamedTuple):
     """Where everything is: the leaf's `outline` [n, 2] and `holes` [k, m, 2] in sheet mm, with the leaf's box
     centred on the origin, and the camera's view of them."""
 
@@ -136,7 +136,14 @@ class Geometry:
 def geometry(scene: Scene, size: Size) -> Geometry:
     """Lay the leaf on the sheet and point the camera at it."""
     outline, holes = leaves.outline(scene.leaf, scene.key), leaves.holes(scene.leaf, scene.key)
-    cosine, sine = tf.cos(scene.leaf.angle), tf.sin(scene.leaf.angle)
+    # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
+    return _laid(scene.leaf, scene.camera, outline, holes, tf.constant(size, tf.float32))
+
+
+@fused
+def _laid(leaf: Leaf, held: Camera, outline: tf.Tensor, holes: tf.Tensor, size: tf.Tensor) -> Geometry:
+    """`geometry` of an outline [n, 2] and holes [k, m, 2] in leaf coordinates, mm."""
+    cosine, sine = tf.cos(leaf.angle), tf.sin(leaf.angle)
     turn = tf.stack([tf.stack([cosine, -sine]), tf.stack([sine, cosine])])
     turned = tf.linalg.matmul(outline, turn, transpose_b=True)
     pose = Pose(turn, -(tf.reduce_min(turned, axis=0) + tf.reduce_max(turned, axis=0)) / 2)
@@ -145,7 +152,7 @@ def geometry(scene: Scene, size: Size) -> Geometry:
         outline=centred,
         holes=pose.apply(holes),
         pose=pose,
-        view=camera.view(scene.camera, centred, size),
+        view=camera.view(held, centred, size),
         area_cm2=leaves.area_cm2(outline, holes),
     )
 

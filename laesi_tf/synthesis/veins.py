@@ -9,6 +9,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import raster
+from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.leaf import Leaf, midrib
 
@@ -39,11 +40,12 @@ def ribbons(paths: tf.Tensor, widths: tf.Tensor) -> tf.Tensor:
     return tf.concat([paths + half, tf.reverse(paths - half, [-2])], axis=-2)
 
 
-def secondary_paths(leaf: Leaf, key: Key, jitter: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Paths [2, n, STEPS + 1, 2] mm of the leaf's secondary veins, and 1 for each, 0 past the tip."""
-    number = tf.minimum(tf.cast(leaf.veins * 1.05 + 1, tf.int32), SECONDARIES)
-    random = key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)[:, :number]
-    rank = (tf.cast(tf.range(number), tf.float32) + 0.6) / leaf.veins
+def secondary_paths(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Paths [2, n, STEPS + 1, 2] mm of the leaf's first n secondary veins, and 1 for each, 0 past the tip.
+
+    `random` [2, n, STEPS + 2] is standard normal.
+    """
+    rank = (tf.range(random.shape[1], dtype=tf.float32) + 0.6) / leaf.veins
     along = rank * 0.93 + 0.012 * random[..., 0]
     exists = tf.cast(along < 0.95, tf.float32)
     start, tangent = midrib(leaf, along * leaf.length_mm)
@@ -58,14 +60,25 @@ def secondary_paths(leaf: Leaf, key: Key, jitter: tf.Tensor) -> tuple[tf.Tensor,
 
 def edges(leaf: Leaf, key: Key, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
     """Ribbon polygons of all veins as one list of edges [n, 2 ends, 2], leaf coordinates in mm."""
+    random = key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)
+    main, side = _ribbon_edges(leaf, random, jitter, width_mm)
+    number = tf.minimum(tf.cast(leaf.veins * 1.05 + 1, tf.int32), SECONDARIES)
+    return tf.concat([main, tf.reshape(side[:, :number], [-1, 2, 2])], axis=0)
+
+
+@fused
+def _ribbon_edges(
+    leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Edges of the midrib [n, 2 ends, 2] and of the secondary veins [2, SECONDARIES, m, 2 ends, 2]."""
     along = tf.constant(np.linspace(-0.02, 0.96, MIDRIB_STEPS), tf.float32)
     middle, _ = midrib(leaf, along * leaf.length_mm)
     taper = tf.constant(np.linspace(1, 0.25, MIDRIB_STEPS), tf.float32)
     main = raster.segments(ribbons(middle, width_mm * taper))
-    paths, exists = secondary_paths(leaf, key, jitter)
+    paths, exists = secondary_paths(leaf, random, jitter)
     thinning = tf.constant(np.linspace(0.55, 0.12, STEPS + 1), tf.float32)
     side = ribbons(paths, width_mm * exists[..., None] * thinning)
-    return tf.concat([main, tf.reshape(raster.segments(side), [-1, 2, 2])], axis=0)
+    return main, raster.segments(side)
 
 
 def height(coverage: tf.Tensor) -> tf.Tensor:
