@@ -14,6 +14,7 @@ import tensorflow as tf
 
 from laesi_tf.synthesis import noise
 from laesi_tf.synthesis.frame import Size, whole
+from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -107,6 +108,7 @@ def line_profiles(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Ten
     return tf.clip_by_value((coefficients * tf.constant(_MEMBERSHIP)) @ sines + share[:, None], 0, 1)
 
 
+@fused
 def transmission(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
     """Light that passes lines across x (fine, heavy) and down y (fine, heavy) over one period: [4, n].
 
@@ -147,10 +149,18 @@ def colour(paper: Paper) -> tf.Tensor:
 
 def wear(paper: Paper, key: Key, size: Size) -> tuple[tf.Tensor, tf.Tensor]:
     """The blended noise L of the paper's section 3.1, and the ink's relative strength: both [H, W]."""
-    frame = whole(size)
     gradients = key.uniform([2, _GRADIENT_NODES, _GRADIENT_NODES], Purpose.PAPER_GRADIENT)
     values = key.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Purpose.PAPER)
     jitter = key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.PAPER_VORONOI)
+    return _worn(paper, gradients, values, jitter, size)
+
+
+@fused
+def _worn(
+    paper: Paper, gradients: tf.Tensor, values: tf.Tensor, jitter: tf.Tensor, size: Size
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """`wear` from uniform numbers [2, n, n] for each of its noises; `values` also hold the ink's."""
+    frame = whole(size)
     fields = (
         noise.gradient(gradients * 2 - 1, frame, cells=paper.gradient_cells),
         noise.voronoi(jitter, frame, cells=paper.voronoi_cells),
