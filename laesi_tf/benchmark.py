@@ -6,12 +6,7 @@ interquartile range. A difference smaller than its range is noise.
 
 import argparse
 import dataclasses
-import datetime
 import itertools
-import os
-import platform
-import resource
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -19,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import parser, progress, run, size
+from laesi_tf.cli import parser, positive, progress, run, size
 
 # isort: split
 import numpy as np
@@ -28,6 +23,7 @@ import tensorflow as tf
 from laesi_tf.config import TrainConfig
 from laesi_tf.data import synthetic
 from laesi_tf.files import require_writable, write_json
+from laesi_tf.machine import described, peak_rss_mb
 from laesi_tf.synthesis import COMPONENTS, Ranges, load_ranges, synthesise
 from laesi_tf.synthesis.editing import every_component
 from laesi_tf.training import fit
@@ -99,8 +95,8 @@ def peak_memory_mb(ranges: Ranges, *, images: int, seed: int, size: Size) -> dic
     for pictures, _ in progress(source, total=-(-images // _BATCH), desc="memory", unit="batch"):
         made += len(pictures)
         if settled is None and made >= min(_SETTLED_IMAGES, images):
-            settled = _peak_rss_mb()
-    return {"peak": _peak_rss_mb(), "settled": settled or _peak_rss_mb(), "images": made}
+            settled = peak_rss_mb()
+    return {"peak": peak_rss_mb(), "settled": settled or peak_rss_mb(), "images": made}
 
 
 def images_per_s(
@@ -218,12 +214,6 @@ def _exhaust(items: Iterator[Any]) -> None:
         pass
 
 
-def _peak_rss_mb() -> float:
-    """Peak resident memory of this process so far in MB (10^6 bytes)."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak * (1 if sys.platform == "darwin" else 1024) / 1e6
-
-
 def _figures(
     memory: dict[str, float],
     alone: dict[str, Spread],
@@ -250,27 +240,8 @@ def _figures(
             kind: {name: rates[name].iqr for name in ("cached", "live")} for kind, rates in trained.items()
         },
         "weights_origin": {kind: rates["weights_origin"] for kind, rates in trained.items()},
-        **_machine(),
+        **described(),
     }
-
-
-def _machine() -> dict[str, Any]:
-    return {
-        "machine": _processor(),
-        "cores": os.cpu_count(),
-        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "tensorflow": tf.__version__,
-    }
-
-
-def _processor() -> str:
-    """The processor's name; platform.processor() says no more than x86_64 on Linux."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    return next(names, platform.processor())
 
 
 def _table(figures: dict[str, Any]) -> str:
@@ -312,11 +283,11 @@ def _synthesis_options() -> argparse.ArgumentParser:
         "--size", type=size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH in pixels"
     )
     made.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="where scenes come from")
-    made.add_argument("--images", type=_positive, default=20000, metavar="N", help="pictures for the memory")
+    made.add_argument("--images", type=positive, default=20000, metavar="N", help="pictures for the memory")
     made.add_argument(
-        "--repeats", type=_positive, default=5, metavar="N", help="turns of each part; one has no range"
+        "--repeats", type=positive, default=5, metavar="N", help="turns of each part; one has no range"
     )
-    made.add_argument("--steps", type=_positive, default=20, metavar="N", help="timed steps per turn")
+    made.add_argument("--steps", type=positive, default=20, metavar="N", help="timed steps per turn")
     made.add_argument(
         "--weights",
         choices=("auto", "imagenet", "none"),
@@ -324,12 +295,6 @@ def _synthesis_options() -> argparse.ArgumentParser:
         help="the networks' weights, as for train; batch normalisation costs less where they are pretrained",
     )
     return made
-
-
-def _positive(text: str) -> int:
-    if not text.isdigit() or not int(text):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 up")
-    return int(text)
 
 
 BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {"synthesis": synthesis}

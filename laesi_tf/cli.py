@@ -98,6 +98,13 @@ def progress(items: Iterable[Item], **options: Any) -> Iterable[Item]:
     return tqdm(items, delay=2, dynamic_ncols=True, **options)
 
 
+def positive(text: str) -> int:
+    """Parse a whole number from 1 up, as an argument's type."""
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 up")
+    return int(text)
+
+
 def size(text: str) -> tuple[int, int]:
     """Parse `224` or `480x640` as (height, width) in pixels."""
     parts = text.lower().split("x")

@@ -10,6 +10,7 @@ import tensorflow as tf
 from scenes import only
 
 from laesi_tf import benchmark as command
+from laesi_tf import machine
 from laesi_tf.benchmark import Spread
 from laesi_tf.errors import InputError
 from laesi_tf.synthesis import COMPONENTS
@@ -106,7 +107,7 @@ def test_cpu_time_of_each_way_stays_with_it() -> None:
 def test_peak_memory_is_what_the_system_says() -> None:
     lines = Path("/proc/self/status").read_text().splitlines()
     (kilobytes,) = (int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-    assert command._peak_rss_mb() == pytest.approx(kilobytes * 1024 / 1e6, rel=0.02)
+    assert machine.peak_rss_mb() == pytest.approx(kilobytes * 1024 / 1e6, rel=0.02)
 
 
 def test_report_and_json(

@@ -126,6 +126,8 @@ def _live(table: Mapping[str, Any], opened: Opening) -> Stream:
 def _records(table: Mapping[str, Any], opened: Opening) -> Stream:
     folder = opened.folder / table.get("folder", "")
     contents = records.read_contents(folder)
+    if contents.format != "records":
+        raise InputError(f"{folder} holds folders, not records; use kind photos with its manifest.csv")
     if contents.size != opened.size:
         made = "{} x {}".format(*contents.size)
         raise InputError(f"the pictures in {folder} are {made} pixels; train with that --size")

@@ -10,7 +10,7 @@ prompt     text for an image generator, UTF-8
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,8 @@ class Contents:
     size: tuple[int, int]
     per_shard: int
     seed: int
+    format: str = "records"
+    """"records", or "folder" where shards are those of `laesi_tf.data.folders`."""
     ranges: str
     """All that the scenes are drawn from, as TOML."""
 
@@ -49,8 +51,9 @@ class Contents:
         return range(shard * self.per_shard, min((shard + 1) * self.per_shard, self.count))
 
     def name(self, shard: int) -> str:
-        """File name of a shard."""
-        return f"pictures-{shard:05}-of-{self.shards:05}.tfrecord"
+        """Name of a shard's file or folder."""
+        suffix = ".tfrecord" if self.format == "records" else ""
+        return f"pictures-{shard:05}-of-{self.shards:05}{suffix}"
 
 
 def begin(folder: Path, contents: Contents) -> None:
@@ -155,6 +158,19 @@ def _decoded(records: tf.data.Dataset, contents: Contents) -> tf.data.Dataset:
         return found | {name: tf.ensure_shape(found[name], shape) for name, shape in shapes.items()}
 
     return records.map(picture, num_parallel_calls=tf.data.AUTOTUNE)
+
+
+def write_pictures(
+    path: Path, pictures: Iterator[tuple[dict[str, np.ndarray], str]], contents: Contents
+) -> None:
+    """Write a shard of pictures, each with its species' name. Raises InputError as `write_shard` does."""
+    encoded = (encode(picture, seed=contents.seed, prompt=prompt(species)) for picture, species in pictures)
+    write_shard(path, encoded)
+
+
+def prompt(species: str) -> str:
+    """What the paper asks ControlNet for (section "Integration of ControlNet Inpainting")."""
+    return f"{species} leaf on millimeter paper"
 
 
 def write_shard(path: Path, records: Iterable[bytes]) -> None:

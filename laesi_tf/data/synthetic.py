@@ -34,15 +34,30 @@ def pictures(
     """Pictures `start`, `start` + 1, ... (`count` of them, or without end), as dicts of unbatched tensors.
 
     Keys: `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm`, `tilt_deg` float32 [],
-    `to_px` float32 [3, 3], `index` int64 []. `passes` overrides the ranges' lighting passes over one leaf:
-    1 makes every picture a new leaf. `parallel` is how many pictures are in work at once; a picture is one
-    task because it stays in a core's cache, which batches of them do not.
+    `to_px` float32 [3, 3], `kind` int32 [], `index` int64 []. `passes` overrides the ranges' lighting passes
+    over one leaf: 1 makes every picture a new leaf. `parallel` is how many pictures are in work at once; a
+    picture is one task because it stays in a core's cache, which batches of them do not.
     """
+    indices = tf.data.Dataset.range(start, start + count if count is not None else 2**62)
+    return pictures_at(
+        indices, seed=seed, size=size, ranges=ranges, passes=passes, textures=textures, parallel=parallel
+    )
+
+
+def pictures_at(
+    indices: tf.data.Dataset,
+    *,
+    seed: int,
+    size: tuple[int, int] = (224, 224),
+    ranges: str | Path | Ranges = "rendering_2",
+    passes: int | None = None,
+    textures: tf.Tensor | None = None,
+    parallel: int = tf.data.AUTOTUNE,
+) -> tf.data.Dataset:
+    """The pictures of any stream of `indices`, int64 []; the rest is as in `pictures`."""
     chosen = load_ranges(ranges)
     if passes is not None:
         chosen = chosen.with_passes(passes)
-    stop = start + count if count is not None else 2**62
-    indices = tf.data.Dataset.range(start, stop)
     return indices.map(
         lambda index: synthesise(seed, size=size, ranges=chosen, index=index, textures=textures),
         num_parallel_calls=parallel,

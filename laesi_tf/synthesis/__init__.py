@@ -30,8 +30,9 @@ def synthesise(
     [N, T, T, 3], relative to mean 1, blends photographed leaves into C1 (see `laesi_tf.data.textures`).
 
     Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's
-    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels) and
-    `index` int64 []. Raises InputError for unknown ranges.
+    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), `kind`
+    int32 [] (place of the kind of leaf in the ranges' `leaf`) and `index` int64 []. Raises InputError for
+    unknown ranges.
     """
     chosen = load_ranges(ranges)
     index = tf.cast(index, tf.int64)

@@ -71,8 +71,12 @@ class Ranges:
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """The numbers of one picture: scalar tensors, and the keys of its random fields."""
+    """The numbers of one picture: scalar tensors, and the keys of its random fields.
 
+    `kind` counts the kinds of leaves in the ranges' order.
+    """
+
+    kind: tf.Tensor
     paper: Paper
     leaf: Leaf
     surface: Surface
@@ -93,10 +97,10 @@ def sample(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) -> Sce
     sizes = [1, count(kinds[0]), *(count(room) for room in rooms.values())]
     which, leaf_numbers, *others = tf.split(key.uniform([sum(sizes)], Purpose.SCENE), sizes)
     drawn = {name: draw(room, part) for (name, room), part in zip(rooms.items(), others, strict=True)}
+    kind = _choose([weight for weight, _ in ranges.leaf.values()], which[0])
     return Scene(
-        leaf=draw_one_of(
-            kinds, _choose([weight for weight, _ in ranges.leaf.values()], which[0]), leaf_numbers
-        ),
+        kind=kind,
+        leaf=draw_one_of(kinds, kind, leaf_numbers),
         light=draw(ranges.light, light_key.uniform([count(ranges.light)], Purpose.LIGHT)),
         key=key,
         light_key=light_key,
@@ -173,7 +177,8 @@ def render(
     """Turn the numbers of a scene into a picture of `size` (height, width).
 
     Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's
-    centroid) and `tilt_deg` float32 [], and `to_px` float32 [3, 3], sheet mm to pixels.
+    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3], sheet mm to pixels, and `kind` int32 [],
+    which of the ranges' kinds of leaves it is.
     """
     place = geometry(scene, size)
     edges = leaf_edges(place, size)
@@ -192,6 +197,7 @@ def render(
         "px_per_mm": place.view.px_per_mm,
         "tilt_deg": scene.camera.tilt_deg * tf.cast(scene.camera.tilted, tf.float32),
         "to_px": place.view.to_px,
+        "kind": scene.kind,
     }
 
 

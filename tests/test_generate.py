@@ -1,0 +1,133 @@
+"""generate: parts that make the whole, continuing after a kill, and both formats."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scenes import only
+
+from laesi_tf import generate as command
+from laesi_tf.data import folders, records
+from laesi_tf.data.decoding import decode, decode_mask
+from laesi_tf.data.photos import read_manifest
+from laesi_tf.data.records import Contents
+from laesi_tf.errors import InputError
+from laesi_tf.generate import generate
+
+SIZE = (48, 64)
+SIMPLE = only("ruling")
+
+
+def contents(**changes: object) -> Contents:
+    options = {"count": 10, "size": SIZE, "per_shard": 4, "seed": 3, "ranges": ""}
+    return Contents(**options | changes)  # type: ignore[arg-type]
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, hidden ones included, by its path."""
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole") / "set"
+    figures = generate(contents(), SIMPLE, folder)
+    assert figures["pictures"] == 10 and figures["shards"] == 3 and figures["mb"] > 0
+    return folder
+
+
+def test_parts_of_many_machines_make_the_whole(whole: Path, tmp_path: Path) -> None:
+    made = [generate(contents(), SIMPLE, tmp_path, part=(i, 2))["pictures"] for i in (1, 0)]
+    assert made == [4, 6]
+    assert files(tmp_path) == files(whole)
+
+
+def test_records_are_what_training_would_be_fed(whole: Path) -> None:
+    found = list(records.read(whole).as_numpy_iterator())
+    assert [int(picture["index"]) for picture in found] == list(range(10))
+    kinds = {picture["prompt"].decode().removesuffix(" leaf on millimeter paper") for picture in found}
+    assert kinds <= set(SIMPLE.leaf)
+    # Four lighting passes over a leaf.
+    areas = [float(picture["area_cm2"]) for picture in found]
+    assert len(set(areas)) == 3 and areas[0] == areas[3] != areas[4]
+
+
+def test_a_run_that_failed_continues_without_duplicate_or_hole(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encode, calls = records.encode, []
+
+    def failing(*arguments: object, **options: object) -> bytes:
+        calls.append(1)
+        if len(calls) == 6:
+            raise KeyboardInterrupt
+        return encode(*arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(records, "encode", failing)
+    with pytest.raises(KeyboardInterrupt):
+        generate(contents(), SIMPLE, tmp_path)
+    assert [path.name for path in tmp_path.glob("*.tfrecord")] == [contents().name(0)]
+    figures = generate(contents(), SIMPLE, tmp_path)
+    assert figures["shards_already_there"] == 1 and figures["pictures"] == 6
+    assert files(tmp_path) == files(whole)
+
+
+def test_killed_and_continued(tmp_path: Path) -> None:
+    ranges = tmp_path / "simple.toml"
+    names = ", ".join(f'"{name}"' for name in sorted(SIMPLE.without))
+    ranges.write_text(f"without = [{names}]\n")
+    options = ["--count", "200", "--size", "32", "--per-shard", "10", "--ranges", str(ranges)]
+    out = tmp_path / "killed"
+    arguments = [sys.executable, "-m", "laesi_tf.generate", *options, "--out", str(out)]
+    running = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while not list(out.glob("pictures*.tfrecord")):
+        assert running.poll() is None
+        time.sleep(0.02)
+    os.kill(running.pid, signal.SIGKILL)
+    running.wait()
+    shards = len(list(out.glob("pictures*.tfrecord")))
+    assert 1 <= shards < 20
+    report = tmp_path / "figures.json"
+    command.main([*options, "--out", str(out), "--json", str(report)])
+    figures = json.loads(report.read_text())
+    assert figures["shards_already_there"] == shards and figures["pictures"] == 200 - 10 * shards
+    command.main([*options, "--out", str(tmp_path / "whole")])
+    assert files(out) == files(tmp_path / "whole")
+
+
+def test_folders_are_a_manifest_of_photos(whole: Path, tmp_path: Path) -> None:
+    described = contents(format="folder")
+    generate(described, SIMPLE, tmp_path, part=(1, 2))
+    assert not (tmp_path / folders.MANIFEST).exists()
+    generate(described, SIMPLE, tmp_path)
+    photos = read_manifest(tmp_path / folders.MANIFEST)
+    expected = list(records.read(whole).as_numpy_iterator())
+    assert len(photos) == 10
+    for photo, picture in zip(photos, expected, strict=True):
+        assert photo.area_cm2 == pytest.approx(float(picture["area_cm2"]), rel=1e-5)
+        assert photo.px_per_mm == pytest.approx(float(picture["px_per_mm"]), rel=1e-5)
+        assert photo.mask is not None and photo.grid_mm == 1
+        np.testing.assert_array_equal(decode_mask(photo.mask), picture["mask"] == 1)
+        assert np.abs(decode(photo.image).astype(int) - picture["image"]).mean() < 1
+        edges = cv2.imread(str(photo.image).replace("images", "edges").replace("jpg", "png"), -1)
+        np.testing.assert_array_equal(edges, picture["edges"] * 255)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_another_data_set_in_the_same_folder_is_refused(whole: Path) -> None:
+    with pytest.raises(InputError, match="holds another data set"):
+        generate(contents(seed=4), SIMPLE, whole)
+
+
+@pytest.mark.parametrize("part", ["2/2", "1", "a/b", "-1/2"])
+def test_impossible_parts_are_refused(part: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--shard"):
+        command.main(["--count", "1", "--out", str(tmp_path / "set"), f"--shard={part}"])
