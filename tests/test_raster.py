@@ -90,7 +90,7 @@ def test_what_lies_outside_is_cut_off(x: float, y: float) -> None:
 
 def test_union_of_overlapping_shapes_covers_once() -> None:
     two = np.stack([ellipse((50, 48), (20, 20)), ellipse((62, 48), (20, 20))])
-    cover = raster.shape(tf.constant(two), whole((96, 128))).numpy()
+    cover = raster.shape(tf.reshape(raster.segments(two), [-1, 2, 2]), whole((96, 128))).numpy()
     lens = 2 * 20**2 * math.acos(12 / 40) - 6 * math.sqrt(4 * 20**2 - 12**2)
     assert cover.max() <= 1 and cover.sum() == pytest.approx(2 * math.pi * 400 - lens, rel=2e-3)
 

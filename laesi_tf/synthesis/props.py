@@ -14,7 +14,8 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import camera, curves, paper, raster, veins
-from laesi_tf.synthesis.frame import Size, Window, window
+from laesi_tf.synthesis.frame import Size, window
+from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -48,8 +49,7 @@ class Props:
     stroke_mm: Number = (0.3, 0.9)
 
 
-@dataclass(frozen=True)
-class Stage:
+class Stage(NamedTuple):
     """Where props are placed: the leaf's outline [n, 2] (sheet mm), the view and the picture's size."""
 
     leaf: tf.Tensor
@@ -80,34 +80,48 @@ class Item(NamedTuple):
     perimeter_mm: float
     opacity: float = 1.0
 
+    def shadow(self, thickness_mm: float) -> "Item":
+        """The narrow shadow that it throws on the sheet when it is `thickness_mm` thick."""
+        return Item(self.points + thickness_mm, tf.zeros([3, 1, 1]), self.perimeter_mm, 0.25)
 
-def _lay(image: tf.Tensor, items: list[Item], stage: Stage, *, thickness_mm: float = 0.0) -> tf.Tensor:
-    """Lay `items`, the first the lowest and largest, over [3, H, W], within the window that the first covers.
 
-    A `thickness_mm` gives the first a narrow shadow on the sheet.
-    """
-    first = camera.project(stage.view.to_px, items[0].points)
-    reach = thickness_mm * stage.view.px_per_mm + 1
-    place = window(tf.reduce_min(first, axis=0), tf.reduce_max(first, axis=0) + reach, stage.size)
+class Drawn(NamedTuple):
+    """An `Item` in the picture: directed edges [n, 2 ends, 2] in pixels."""
+
+    edges: tf.Tensor
+    colour: tf.Tensor
+    opacity: tf.Tensor
+
+
+@fused
+def _drawn(name: str, props: Props, stage: Stage, random: tf.Tensor) -> list[Drawn]:
+    """The items of prop `name`, the first the lowest."""
+    return [
+        Drawn(_edges(item, stage), item.colour, tf.constant(item.opacity))
+        for item in PROPS[name](props, stage, random)
+    ]
+
+
+def _edges(item: Item, stage: Stage) -> tf.Tensor:
+    """Edges of `item` in pixels, short enough to be filled."""
+    count = math.ceil(item.perimeter_mm * max(stage.size) / 70)
+    return raster.segments(raster.resample(camera.project(stage.view.to_px, item.points), count))
+
+
+def _lay(image: tf.Tensor, items: list[Drawn], size: Size) -> tf.Tensor:
+    """Lay `items` over [3, H, W], within the window that they cover."""
+    corners = tf.concat([item.edges[:, 0] for item in items], axis=0)
+    place = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0) + 1, size)
     before = place.cut(image)
     part = before
-    if thickness_mm:
-        part *= 1 - 0.25 * _cover(items[0].points + thickness_mm, items[0].perimeter_mm, stage, place)
     for item in items:
-        cover = item.opacity * _cover(item.points, item.perimeter_mm, stage, place)
+        cover = item.opacity * raster.shape(item.edges - place.corner, place.frame)
         part += cover * (item.colour - part)
-    return image + place.paste(part - before, stage.size)
+    return image + place.paste(part - before, size)
 
 
-def _cover(points: tf.Tensor, perimeter_mm: float, stage: Stage, place: Window) -> tf.Tensor:
-    """Coverage [h, w] of the closed polygon `points` [n, 2] (sheet mm) in the window `place`."""
-    count = math.ceil(perimeter_mm * max(stage.size) / 70)
-    fine = raster.resample(camera.project(stage.view.to_px, points), count)
-    return raster.shape(fine - place.corner, place.frame)
-
-
-def fragment(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
-    """A torn scrap of paper over [3, H, W]."""
+def fragment(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
+    """A torn scrap of paper."""
     angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     reach = 1 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle)))
     square = tf.constant(np.stack([np.cos(angle), np.sin(angle)], -1) * reach[:, None], tf.float32)
@@ -115,11 +129,12 @@ def fragment(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) ->
     scale = props.fragment_mm / 2 * tf.stack([1.0, props.fragment_aspect])
     points = place(ragged * scale, stage, props.direction, props.turn, props.gap_mm)
     colour = paper.tint(props.hue, props.saturation * 0.15)[:, None, None] * (0.8 + 0.18 * random[20])
-    return _lay(image, [Item(points, colour, 180)], stage, thickness_mm=0.5)
+    scrap = Item(points, colour, 180)
+    return [scrap.shadow(0.5), scrap]
 
 
-def label(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
-    """A label card with two lines of writing over [3, H, W]."""
+def label(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
+    """A label card with two lines of writing."""
     half = props.label_mm / 2 * tf.stack([1.0, props.label_aspect])
     lines = [
         scribble(
@@ -142,20 +157,21 @@ def label(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf
     )
     colour = paper.tint(props.hue, props.saturation * 0.1)[:, None, None] * 0.95
     words = [Item(word, _ink(props), 260) for word in tf.split(points[4:], 2)]
-    return _lay(image, [Item(points[:4], colour, 170), *words], stage, thickness_mm=0.5)
+    card = Item(points[:4], colour, 170)
+    return [card.shadow(0.5), card, *words]
 
 
-def handwriting(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
-    """A word written on the sheet itself, over [3, H, W]."""
+def handwriting(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
+    """A word written on the sheet itself."""
     word = scribble(
         random[:32], props.handwriting_mm, props.handwriting_mm * props.handwriting_height / 2, props
     )
     points = place(word, stage, props.direction + 4.0, props.turn * 0.15, props.gap_mm)
-    return _lay(image, [Item(points, _ink(props), 320, opacity=0.85)], stage)
+    return [Item(points, _ink(props), 320, opacity=0.85)]
 
 
-def pen(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
-    """A pen over [3, H, W]: a tapered rod, bright along its back."""
+def pen(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
+    """A pen: a tapered rod, bright along its back."""
     profile = tf.constant(
         [[-1, -1], [0.75, -1], [0.97, -0.25], [1, 0], [0.97, 0.25], [0.75, 1], [-1, 1]], tf.float32
     )
@@ -165,18 +181,20 @@ def pen(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.T
     back += (points[0] + points[6]) / 2 - (back[0] + back[6]) / 2
     colour = paper.tint(props.hue, props.saturation)[:, None, None] * (0.1 + 0.7 * random[0])
     shine = Item(back, tf.ones([3, 1, 1]), 340, opacity=0.35)
-    return _lay(image, [Item(points, colour, 340), shine], stage, thickness_mm=1.0)
+    rod = Item(points, colour, 340)
+    return [rod.shadow(1.0), rod, shine]
 
 
-def coin(image: tf.Tensor, props: Props, stage: Stage, random: tf.Tensor) -> tf.Tensor:
-    """A coin-like disk over [3, H, W], with a raised rim."""
+def coin(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
+    """A coin-like disk, with a raised rim."""
     angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
     circle = tf.constant(np.stack([np.cos(angle), np.sin(angle)], -1), tf.float32) * props.coin_mm
     points = place(circle, stage, props.direction + 3.0, props.turn, props.gap_mm)
     centre = tf.reduce_mean(points, axis=0)
     metal = tf.stack([0.62 + 0.2 * random[0], 0.6 + 0.15 * random[0], 0.55 - 0.15 * random[1]])[:, None, None]
     face = Item(centre + (points - centre) * 0.85, metal * 0.6, 90, opacity=0.3)
-    return _lay(image, [Item(points, metal, 90), face], stage, thickness_mm=0.7)
+    disk = Item(points, metal, 90)
+    return [disk.shadow(0.7), disk, face]
 
 
 def scribble(random: tf.Tensor, length_mm: tf.Tensor, height_mm: tf.Tensor, props: Props) -> tf.Tensor:
@@ -200,24 +218,27 @@ def _box() -> tf.Tensor:
     return tf.constant([[-1, -1], [1, -1], [1, 1], [-1, 1]], tf.float32)
 
 
-PROPS: dict[str, Callable[[tf.Tensor, Props, Stage, tf.Tensor], tf.Tensor]] = {
+PROPS: dict[str, Callable[[Props, Stage, tf.Tensor], list[Item]]] = {
     "handwriting": handwriting,
     "fragment": fragment,
     "label": label,
     "coin": coin,
     "pen": pen,
 }
-"""From flat to high, the order in which they are laid down; each is present by the number of its name."""
+"""From flat to high, the order in which they are laid down; each is present by the number of its name and
+returns its items, the lowest first."""
 
 
 def scatter(image: tf.Tensor, props: Props, stage: Stage, key: Key, names: list[str]) -> tf.Tensor:
     """Lay the props in `names` that the scene has onto [3, H, W]."""
     random = key.uniform([len(PROPS), 80], Purpose.PROPS)
-    for row, (name, lay) in enumerate(PROPS.items()):
+    for row, name in enumerate(PROPS):
         if name in names:
             image = tf.cond(
                 getattr(props, name),
-                lambda image=image, lay=lay, row=row: lay(image, props, stage, random[row]),
+                lambda image=image, name=name, row=row: _lay(
+                    image, _drawn(name, props, stage, random[row]), stage.size
+                ),
                 lambda image=image: image,
             )
     return image

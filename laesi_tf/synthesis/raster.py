@@ -74,9 +74,8 @@ def fill(edges: tf.Tensor, frame: Frame) -> tf.Tensor:
     return _running_sum(edge_heights, height + _ROWS, padded)[:height, :width]
 
 
-def shape(points: tf.Tensor, frame: Frame) -> tf.Tensor:
-    """Coverage [H, W] in [0, 1] of the union of closed polygons [..., n, 2] that all turn the same way."""
-    edges = tf.reshape(segments(points), [-1, 2, 2])
+def shape(edges: tf.Tensor, frame: Frame) -> tf.Tensor:
+    """Coverage [H, W] in [0, 1] of the union of closed loops, as for `fill`, that all turn the same way."""
     return tf.minimum(tf.abs(fill(edges, frame)), 1)
 
 
