@@ -6,6 +6,8 @@ polygon's shoelace area to rounding, which is what ties the mask to the label.
 Points are [n, 2] float32 (x right, y down), in pixels, pixel (i, j) covering [j, j+1] x [i, i+1].
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import tensorflow as tf
 
@@ -13,6 +15,13 @@ from laesi_tf.synthesis.frame import Frame
 
 _BLOCK = 16
 _ROWS = 3
+
+
+class Deposits(NamedTuple):
+    """Flat cells int32 [6n] of a picture and the heights [6n] that are left in them."""
+
+    cells: tf.Tensor
+    heights: tf.Tensor
 
 
 def area(points: tf.Tensor) -> tf.Tensor:
@@ -67,10 +76,14 @@ def fill(edges: tf.Tensor, frame: Frame) -> tf.Tensor:
     other way. Edges must be at most two pixels high, so that none crosses more than three rows; parts
     outside the picture are cut off correctly.
     """
+    return filled(deposits(edges, frame), frame)
+
+
+def filled(left: Deposits, frame: Frame) -> tf.Tensor:
+    """Coverage float32 [H, W] of the loops whose edges `left` their `deposits` in the frame."""
     height, width, _ = frame
-    padded = (width // _BLOCK + 1) * _BLOCK
-    cells, heights = _deposits(edges, height, width, padded)
-    edge_heights = tf.math.unsorted_segment_sum(heights, cells, (height + _ROWS) * padded)
+    padded = _padded(width)
+    edge_heights = tf.math.unsorted_segment_sum(left.heights, left.cells, (height + _ROWS) * padded)
     return _running_sum(edge_heights, height + _ROWS, padded)[:height, :width]
 
 
@@ -79,15 +92,18 @@ def shape(edges: tf.Tensor, frame: Frame) -> tf.Tensor:
     return tf.minimum(tf.abs(fill(edges, frame)), 1)
 
 
-def _deposits(
-    edges: tf.Tensor, height: tf.Tensor | int, width: tf.Tensor | int, padded: tf.Tensor | int
-) -> tuple[tf.Tensor, tf.Tensor]:
-    """Where each edge leaves how much of its height: flat cells int32 [6n] and heights [6n].
+def _padded(width: tf.Tensor | int) -> tf.Tensor | int:
+    return (width // _BLOCK + 1) * _BLOCK
+
+
+def deposits(edges: tf.Tensor, frame: Frame) -> Deposits:
+    """Where each of the `edges` [n, 2 ends, 2] leaves how much of its height.
 
     An edge is clipped to each of the rows that it crosses; each part is shared between the pixel that holds
     its middle and the next one so that the area left of the middle is exact. What lies above the frame has no
     height left after clipping; what lies below falls into `_ROWS` spare rows.
     """
+    height, width, _ = frame
     x0, y0, x1, y1 = tf.unstack(tf.reshape(edges, [-1, 4]), axis=1)
     top = tf.clip_by_value(tf.floor(tf.minimum(y0, y1)), 0, tf.cast(height, tf.float32))
     rows = top + tf.range(_ROWS, dtype=tf.float32)[:, None]
@@ -98,8 +114,10 @@ def _deposits(
     column = tf.floor(middle)
     rise = end - start
     beyond = rise * (middle - column)
-    cell = tf.cast(rows, tf.int32) * padded + tf.cast(column, tf.int32)
-    return tf.reshape(tf.stack([cell, cell + 1]), [-1]), tf.reshape(tf.stack([rise - beyond, beyond]), [-1])
+    cell = tf.cast(rows, tf.int32) * _padded(width) + tf.cast(column, tf.int32)
+    return Deposits(
+        tf.reshape(tf.stack([cell, cell + 1]), [-1]), tf.reshape(tf.stack([rise - beyond, beyond]), [-1])
+    )
 
 
 def _running_sum(values: tf.Tensor, height: tf.Tensor | int, width: tf.Tensor | int) -> tf.Tensor:

@@ -171,6 +171,18 @@ def leaf_edges(place: Geometry, size: Size) -> tf.Tensor:
     return tf.concat([tf.reshape(raster.segments(points), [-1, 2, 2]) for points in polygons], axis=0)
 
 
+@fused
+def _leaf_deposits(
+    edges: tf.Tensor, size: Size
+) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor, raster.Deposits]:
+    """The window around the leaf's `edges` (top, left, height, width) and their deposits in it."""
+    corners = tf.reshape(edges, [-1, 2])
+    around = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0), size)
+    frame = around.frame
+    deposits = raster.deposits(edges - around.corner, frame)
+    return around.top, around.left, frame.height, frame.width, deposits
+
+
 def render(
     scene: Scene, size: Size, ranges: Ranges, *, textures: tf.Tensor | None = None
 ) -> dict[str, tf.Tensor]:
@@ -181,10 +193,9 @@ def render(
     which of the ranges' kinds of leaves it is.
     """
     place = geometry(scene, size)
-    edges = leaf_edges(place, size)
-    corners = tf.reshape(edges, [-1, 2])
-    leaf_window = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0), size)
-    filled = raster.fill(edges - leaf_window.corner, leaf_window.frame)
+    top, left, height, width, deposits = _leaf_deposits(leaf_edges(place, size), size)
+    leaf_window = Window(top, left, Frame(height, width, max(size)))
+    filled = raster.filled(deposits, leaf_window.frame)
     # The outline runs clockwise, which fills with -1. Where a margin crosses itself it turns the other way:
     # that is leaf neither for the mask nor for the label.
     inner_coverage = tf.clip_by_value(-filled, 0, 1)
@@ -309,9 +320,16 @@ def _height(
 def _veins(scene: Scene, place: Geometry, leaf_window: Window) -> tf.Tensor:
     """Height map H [h, w] of the veins in the leaf's window."""
     edges = veins.edges(scene.leaf, scene.key, scene.surface.vein_jitter, scene.surface.vein_width_mm)
-    pixels = camera.project(place.view.to_px, place.pose.apply(edges)) - leaf_window.corner
+    deposits = _vein_deposits(edges, place.pose, place.view.to_px, leaf_window)
+    return veins.height(raster.filled(deposits, leaf_window.frame))
+
+
+@fused
+def _vein_deposits(edges: tf.Tensor, pose: Pose, to_px: tf.Tensor, leaf_window: Window) -> raster.Deposits:
+    """Deposits in the leaf's window of veins' `edges` [n, 2 ends, 2] in leaf coordinates, mm."""
+    in_window = camera.project(to_px, pose.apply(edges)) - leaf_window.corner
     pieces = math.ceil(leaf_window.frame.longest / 28)
-    return veins.height(raster.fill(raster.subdivide_edges(pixels, pieces), leaf_window.frame))
+    return raster.deposits(raster.subdivide_edges(in_window, pieces), leaf_window.frame)
 
 
 def _developed(image: tf.Tensor, scene: Scene, place: Geometry, ranges: Ranges) -> tf.Tensor:

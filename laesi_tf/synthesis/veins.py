@@ -47,7 +47,8 @@ def secondary_paths(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor) -> tuple[t
     """
     rank = (tf.range(random.shape[1], dtype=tf.float32) + 0.6) / leaf.veins
     along = rank * 0.93 + 0.012 * random[..., 0]
-    exists = tf.cast(along < 0.95, tf.float32)
+    number = tf.floor(leaf.veins * 1.05 + 1)
+    exists = tf.cast((along < 0.95) & (tf.range(random.shape[1], dtype=tf.float32) < number), tf.float32)
     start, tangent = midrib(leaf, along * leaf.length_mm)
     forward = tf.atan2(tangent[..., 1], tangent[..., 0])
     side = tf.constant([-1.0, 1.0])[:, None]
@@ -59,11 +60,13 @@ def secondary_paths(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor) -> tuple[t
 
 
 def edges(leaf: Leaf, key: Key, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
-    """Ribbon polygons of all veins as one list of edges [n, 2 ends, 2], leaf coordinates in mm."""
+    """Ribbon polygons of all veins as one list of edges [n, 2 ends, 2], leaf coordinates in mm.
+
+    Always as many, since what is compiled has fixed shapes: a vein that the leaf lacks has no width.
+    """
     random = key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)
     main, side = _ribbon_edges(leaf, random, jitter, width_mm)
-    number = tf.minimum(tf.cast(leaf.veins * 1.05 + 1, tf.int32), SECONDARIES)
-    return tf.concat([main, tf.reshape(side[:, :number], [-1, 2, 2])], axis=0)
+    return tf.concat([main, tf.reshape(side, [-1, 2, 2])], axis=0)
 
 
 @fused
