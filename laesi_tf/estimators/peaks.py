@@ -1,0 +1,75 @@
+"""Peaks of spectra near the frequencies that a lattice foretells, measured in all patches at once."""
+
+import math
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.estimators.lattice import Peaks, fitted, gradients
+from laesi_tf.estimators.spectra import BINS, Spectra, at, upright, within
+
+_FAINT, _LOUD = 2.0, 6.0
+"""Log-power over its surroundings that a peak must have, and beyond which it is trusted no more."""
+_NEAREST = 2.7
+"""Least reach of the search, bins."""
+
+
+def regrown(
+    spectra: Spectra, lattice: tf.Tensor, start: tf.Tensor, stages: tuple[tuple[float, float], ...]
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Fit lattices [B, 6] by stages of (reach from `start` [B, 2], tolerance of peaks); and bool [B]: peaks enough."""
+    distance = tf.norm(spectra.centres[None] - start[:, None], axis=-1)
+    good = tf.ones_like(lattice[:, 0]) > 0
+    for reach, tolerance in stages:
+        peaks = measured(spectra, lattice, tolerance)
+        weight = peaks.weight * tf.cast(distance <= reach, tf.float32)[..., None]
+        lattice = fitted(lattice, spectra.centres, Peaks(peaks.at, weight))
+        good &= tf.reduce_sum(tf.cast(weight > 0, tf.float32), axis=[1, 2]) >= 4
+    return lattice, good
+
+
+def measured(spectra: Spectra, lattice: tf.Tensor, tolerance: float) -> Peaks:
+    """The highest points of the spectra within `tolerance`, relative, of the frequencies of lattices [B, 6]."""
+    expected = gradients(lattice, spectra.centres) / spectra.half * BINS
+    place, sign = upright(expected)
+    reach = tf.maximum(_NEAREST, tolerance * tf.norm(place, axis=-1))
+    inside = within(place, reach + 1)
+    nearest = tf.cast(tf.round(tf.where(inside[..., None], place, 0)), tf.int32)
+    offsets = _window(tolerance)
+    patch = tf.range(spectra.loud.shape[0])[None, :, None]
+    column, row = nearest[..., 0], nearest[..., 1]
+    seen = at(
+        spectra.loud, patch[..., None], row[..., None] + offsets[:, 1], column[..., None] + offsets[:, 0]
+    )
+    away = tf.cast(nearest, tf.float32)[..., None, :] + offsets.astype(np.float32) - place[..., None, :]
+    near = tf.norm(away, axis=-1) <= reach[..., None]
+    best = tf.gather(offsets, tf.argmax(tf.where(near, seen, -1e9), axis=-1, output_type=tf.int32))
+    column, row = column + best[..., 0], row + best[..., 1]
+    height = at(spectra.loud, patch, row, column)
+    above = height - at(spectra.level, patch, row, column)
+    shift = tf.stack(
+        [
+            _vertex(at(spectra.loud, patch, row, column - 1), height, at(spectra.loud, patch, row, column + 1)),
+            _vertex(at(spectra.loud, patch, row - 1, column), height, at(spectra.loud, patch, row + 1, column)),
+        ],
+        axis=-1,
+    )
+    peak = (tf.cast(tf.stack([column, row], axis=-1), tf.float32) + shift) * sign * spectra.half / BINS
+    found = inside & (above >= _FAINT)
+    weight = tf.where(found, tf.minimum(above, _LOUD), 0) * spectra.valid[:, None]
+    return Peaks(peak, weight)
+
+
+def _window(tolerance: float) -> np.ndarray:
+    """Offsets int [n, 2] of the bins within the widest reach."""
+    radius = math.ceil(max(_NEAREST, min(tolerance * BINS / 2, 14)))
+    steps = np.arange(-radius, radius + 1, dtype=np.int32)
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    return grid[np.hypot(*grid.T) <= radius + 1]
+
+
+def _vertex(before: tf.Tensor, middle: tf.Tensor, after: tf.Tensor) -> tf.Tensor:
+    """Offset of the vertex of the parabola through three samples from the middle one."""
+    curvature = before - 2 * middle + after
+    offset = (before - after) / tf.minimum(2 * curvature, -1e-6)
+    return tf.clip_by_value(tf.where(curvature < 0, offset, 0), -0.6, 0.6)
