@@ -47,7 +47,7 @@ def seeds(spectra: Spectra, stride: int) -> tuple[tf.Tensor, tf.Tensor, tf.Tenso
     flat = tf.reshape(score, [score.shape[0], -1])
     best = tf.argmax(flat, axis=1, output_type=tf.int32)
     angle = tf.gather(_ANGLES.astype(np.float32), best // len(_FREQUENCIES))
-    along = tf.gather(_FREQUENCIES.astype(np.float32), best % len(_FREQUENCIES)) * spectra.half
+    along = tf.gather(_FREQUENCIES.astype(np.float32), best % len(_FREQUENCIES)) * BINS / spectra.bins[::stride]
     a, b = along * tf.cos(angle), along * tf.sin(angle)
     none = tf.zeros_like(a)
     return tf.stack([a, b, -b, a, none, none], axis=1), spectra.centres[::stride], tf.reduce_max(flat, axis=1)
@@ -103,8 +103,10 @@ def _mean(spectra: Spectra, values: tf.Tensor, places: tf.Tensor) -> tuple[tf.Te
 
 def best_family(
     spectra: Spectra, lattices: tf.Tensor, good: tf.Tensor, view: tf.Tensor
-) -> tuple[tf.Tensor, tf.Tensor]:
-    """The lattice [6] whose lines make the best comb, each of [B, 6] taken for any of its teeth, and its score.
+) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    """The lattice [6] whose lines make the best comb, each of [B, 6] taken for any of its teeth.
+
+    Also how much finer it is [2] than the lines that were followed, and its score [].
 
     The two directions are judged apart, as each may have followed another tooth, but must agree in the end.
     `view` [3] is the picture's longer side in periods of the finest lines: roughly (0 if unknown), at
@@ -121,7 +123,8 @@ def best_family(
     plausible = _plausible(family) & (periods >= view[1]) & (periods <= view[2]) & good[:, None, None]
     flat = tf.reshape(tf.where(plausible, total, -1e6), [-1])
     best = tf.argmax(flat, output_type=tf.int32)
-    return tf.gather(tf.reshape(family, [-1, 6]), best), tf.gather(flat, best)
+    factors = tf.gather(tf.reshape(pairs, [-1, 2]), best % teeth**2)
+    return tf.gather(tf.reshape(family, [-1, 6]), best), factors, tf.gather(flat, best)
 
 
 def _plausible(lattice: tf.Tensor) -> tf.Tensor:

@@ -30,7 +30,8 @@ def regrown(
 
 def measured(spectra: Spectra, lattice: tf.Tensor, tolerance: float) -> Peaks:
     """The highest points of the spectra within `tolerance`, relative, of the frequencies of lattices [B, 6]."""
-    expected = gradients(lattice, spectra.centres) / spectra.half * BINS
+    bins = spectra.bins[:, None, None]
+    expected = gradients(lattice, spectra.centres) * bins
     place, sign = upright(expected)
     reach = tf.maximum(_NEAREST, tolerance * tf.norm(place, axis=-1))
     inside = within(place, reach + 1)
@@ -54,7 +55,7 @@ def measured(spectra: Spectra, lattice: tf.Tensor, tolerance: float) -> Peaks:
         ],
         axis=-1,
     )
-    peak = (tf.cast(tf.stack([column, row], axis=-1), tf.float32) + shift) * sign * spectra.half / BINS
+    peak = (tf.cast(tf.stack([column, row], axis=-1), tf.float32) + shift) * sign / bins
     found = inside & (above >= _FAINT)
     weight = tf.where(found, tf.minimum(above, _LOUD), 0) * spectra.valid[:, None]
     return Peaks(peak, weight)

@@ -15,14 +15,17 @@ import tensorflow as tf
 
 from laesi_tf.estimators import comb, patches, peaks
 from laesi_tf.estimators.lattice import gradients, median, rate
-from laesi_tf.estimators.patches import CELL, PICTURE
-from laesi_tf.estimators.spectra import SIDE, spectra
+from laesi_tf.estimators.patches import PICTURE
+from laesi_tf.estimators.spectra import BINS, SIDE, spectra
 
 _VIEWS_MM = 40, 450
 """Longer side of the sheet that a picture may show."""
 _FEWEST, _FAINTEST, _WIDEST = 10, 2.0, 0.01
 """Refusal: fewer measured frequencies, a fainter comb, or a larger median disagreement than these."""
 _SEED_STRIDE, _SEEDS = 2, 4
+_SAMPLES = 5.0
+"""Samples per period of the straightened patches, at least where the photo has as many: ten are two periods of the
+heaviest lines in a patch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +65,15 @@ def read_ruling(
     height, width = small.shape[:2]
     if min(height, width) < SIDE:
         return None
-    picture = np.zeros((PICTURE, PICTURE, 3), np.uint8)
-    picture[:height, :width] = small
-    covered = np.zeros((PICTURE // CELL, PICTURE // CELL), np.float32)
+    picture = np.zeros((PICTURE, PICTURE, 4), np.uint8)
+    picture[:height, :width, :3] = small
+    picture[:height, :width, 3] = 255
     if leaf is not None:
-        cells = -(-height // CELL), -(-width // CELL)
-        covered[: cells[0], : cells[1]] = cv2.resize(
-            leaf.astype(np.float32), cells[::-1], interpolation=cv2.INTER_AREA
-        )
+        covered = cv2.resize(leaf.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+        picture[:height, :width, 3] = 255 * (1 - covered)
     longer = max(image.shape[:2])
     view = [0.0 if about is None else longer / about / grid_mm, *(mm / grid_mm for mm in _VIEWS_MM)]
-    found = _compiled()(picture, covered, np.int32([height, width]), np.float32(view))
+    found = _compiled()(picture, np.int32([height, width]), np.float32(view))
     lattice, evidence, inliers, spread = (part.numpy() for part in found)
     if inliers < _FEWEST or evidence < _FAINTEST or spread > _WIDEST:
         return None
@@ -90,8 +91,7 @@ def _compiled() -> tf.types.experimental.PolymorphicFunction:
     return tf.function(
         lattice_of,
         input_signature=[
-            tf.TensorSpec([PICTURE, PICTURE, 3], tf.uint8, "picture"),
-            tf.TensorSpec([PICTURE // CELL, PICTURE // CELL], tf.float32, "covered"),
+            tf.TensorSpec([PICTURE, PICTURE, 4], tf.uint8, "picture"),
             tf.TensorSpec([2], tf.int32, "size"),
             tf.TensorSpec([3], tf.float32, "view"),
         ],
@@ -100,14 +100,13 @@ def _compiled() -> tf.types.experimental.PolymorphicFunction:
 
 
 def lattice_of(
-    picture: tf.Tensor, covered: tf.Tensor, size: tf.Tensor, view: tf.Tensor
+    picture: tf.Tensor, size: tf.Tensor, view: tf.Tensor
 ) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor]:
     """Lattice [6] of the ruling, its comb's score, the number of frequencies that agree, and their spread."""
     half = tf.cast(tf.reduce_max(size), tf.float32) / 2
-    corners, valid = patches.choose(covered, size)
-    middle = tf.cast(size, tf.float32) / 2
-    centres = tf.reverse((tf.cast(corners, tf.float32) + SIDE / 2 - middle) / half, axis=[1])
-    seen = spectra(patches.ink(patches.cut(picture, corners)), centres, valid, half)
+    pixels, middles, steps = patches.chosen(picture, size)
+    centres = (middles - tf.cast(tf.reverse(size, [0]), tf.float32) / 2) / half
+    seen = spectra(*_placed(patches.ink(pixels), centres), steps * BINS / half)
     seeds, places, score = comb.seeds(seen, _SEED_STRIDE)
     best = tf.math.top_k(score, _SEEDS).indices
     grown, good = peaks.regrown(
@@ -116,34 +115,33 @@ def lattice_of(
         tf.gather(places, best),
         ((0.45, 0.12), (0.9, 0.1), (3.0, 0.08), (3.0, 0.05), (3.0, 0.04)),
     )
-    first, _ = comb.best_family(seen, grown, good, view)
-    return _seen_straight(picture, size, first, centres, valid, half, view)
+    first, factors, _ = comb.best_family(seen, grown, good, view)
+    return _seen_straight(picture, size, first, factors, centres, view)
+
+
+def _placed(ink: tuple[tf.Tensor, tf.Tensor], centres: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    return ink[0], centres, ink[1]
 
 
 def _seen_straight(
-    picture: tf.Tensor,
-    size: tf.Tensor,
-    first: tf.Tensor,
-    centres: tf.Tensor,
-    valid: tf.Tensor,
-    half: tf.Tensor,
-    view: tf.Tensor,
+    picture: tf.Tensor, size: tf.Tensor, first: tf.Tensor, factors: tf.Tensor, centres: tf.Tensor, view: tf.Tensor
 ) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor]:
     """As `lattice_of`, from a `first` lattice.
 
     Seen straight on, no tooth of the comb is smeared: now the family can be told, and the fit refined.
     """
+    half = tf.cast(tf.reduce_max(size), tf.float32) / 2
     pace = rate(first)
     a, b, d, e, g, h = tf.unstack(first)
     u, v = tf.unstack(centres, axis=1)
     w = (g * u + h * v + 1) * pace
     straight = tf.stack([(a * u + b * v) / w, (d * u + e * v) / w], axis=1)
-    pixels, inside = patches.straightened(picture, size, first, straight, half, pace)
-    seen = spectra(patches.ink(pixels) * inside, straight, valid, half)
-    upright = tf.stack([pace, 0.0, 0.0, pace, 0.0, 0.0])[None]
-    second, score = comb.best_family(seen, upright, tf.constant([True]), view)
-    start = tf.zeros([1, 2])
-    second, _ = peaks.regrown(seen, second[None], start, ((3.0, 0.05), (3.0, 0.03)))
+    step = tf.clip_by_value(1 / _SAMPLES, pace / half, 3 * pace / half)
+    pixels = patches.straightened(picture, size, first, straight * pace, step)
+    seen = spectra(*_placed(patches.ink(pixels), straight), tf.repeat(step / pace * BINS, centres.shape[0]))
+    upright = tf.stack([pace / factors[0], 0.0, 0.0, pace / factors[1], 0.0, 0.0])[None]
+    second, _, score = comb.best_family(seen, upright, tf.constant([True]), view)
+    second, _ = peaks.regrown(seen, second[None], tf.zeros([1, 2]), ((3.0, 0.05), (3.0, 0.03)))
     found = peaks.measured(seen, second, 0.04)
     used = found.weight > 0
     error = tf.norm(gradients(second, straight) - found.at, axis=-1) / (tf.norm(found.at, axis=-1) + 1e-9)

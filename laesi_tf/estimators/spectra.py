@@ -17,8 +17,6 @@ MARGIN = 15
 ROWS, COLUMNS = BINS, BINS // 2 + 1 + MARGIN
 _WINDOW = np.hanning(SIDE + 2)[1:-1].astype(np.float32)
 _WINDOW = _WINDOW[:, None] * _WINDOW
-_CELL = 8
-"""Local means are taken on a lattice of this many pixels and interpolated."""
 
 
 class Spectra(NamedTuple):
@@ -31,16 +29,17 @@ class Spectra(NamedTuple):
     """[K, 2] in units of `half` pixels from the picture's middle."""
     valid: tf.Tensor
     """float [K], 0 for patches that show no paper."""
-    half: tf.Tensor
-    """Half the picture's longer side, pixels."""
+    bins: tf.Tensor
+    """[K], bins per period per unit: patches differ in resolution."""
 
     def read(self, values: tf.Tensor, frequency: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
         """`values` [K, ROWS, COLUMNS] nearest to frequencies [B, K, ..., 2], periods per unit; and where they are
         within the spectrum, bool [B, K, ...]."""
-        place = upright(frequency / self.half * BINS)[0]
+        extra = [1] * (frequency.shape.rank - 2)
+        place = upright(frequency * tf.reshape(self.bins, [1, -1, *extra]))[0]
         column, row = tf.unstack(tf.cast(tf.round(place), tf.int32), axis=-1)
         inside = within(place, 3.0) & (tf.norm(place, axis=-1) > 3.5)
-        patch = tf.reshape(tf.range(values.shape[0]), [1, -1] + [1] * (frequency.shape.rank - 3))
+        patch = tf.reshape(tf.range(values.shape[0]), [1, -1, *extra[1:]])
         return at(values, patch, tf.where(inside, row, 0), tf.where(inside, column, 0)), inside
 
 
@@ -61,16 +60,16 @@ def at(values: tf.Tensor, patch: tf.Tensor, row: tf.Tensor, column: tf.Tensor) -
     return tf.gather(tf.reshape(values, [-1]), flat)
 
 
-def spectra(detail: tf.Tensor, centres: tf.Tensor, valid: tf.Tensor, half: tf.Tensor) -> Spectra:
-    """The spectra of flattened patches [K, SIDE, SIDE]."""
+def spectra(detail: tf.Tensor, centres: tf.Tensor, valid: tf.Tensor, bins: tf.Tensor) -> Spectra:
+    """The spectra of flattened patches [K, SIDE, SIDE]; the rest as in `Spectra`."""
     windowed = (detail - tf.reduce_mean(detail, axis=[1, 2], keepdims=True)) * _WINDOW
     padded = tf.pad(windowed, [[0, 0], [0, BINS - SIDE], [0, BINS - SIDE]])
     transformed = tf.signal.rfft2d(padded, [BINS, BINS])
     power = tf.math.real(transformed) ** 2 + tf.math.imag(transformed) ** 2
     loud = _centred(tf.math.log(power + 1e-3))
-    level = _local_mean(loud, 3)
+    level = local_mean(loud, 3)
     highest = tf.nn.max_pool2d(loud[..., None], 3, 1, "SAME")[..., 0]
-    return Spectra(loud, level, tf.nn.relu(highest - level - 1), centres, valid, half)
+    return Spectra(loud, level, tf.nn.relu(highest - level - 1), centres, valid, bins)
 
 
 def _centred(values: tf.Tensor) -> tf.Tensor:
@@ -82,14 +81,7 @@ def _centred(values: tf.Tensor) -> tf.Tensor:
     return tf.concat([left, right], axis=2)
 
 
-def flattened(patches: tf.Tensor) -> tf.Tensor:
-    """Contrast of patches [K, SIDE, SIDE] within -3..3, free of shading and of one strong edge's dominance."""
-    detail = patches - _local_mean(patches, 5, cell=_CELL)
-    spread = tf.sqrt(_local_mean(detail * detail, 7, cell=_CELL)) + 2
-    return tf.clip_by_value(detail / spread, -3, 3)
-
-
-def _local_mean(values: tf.Tensor, cells: int, cell: int = 4) -> tf.Tensor:
+def local_mean(values: tf.Tensor, cells: int, cell: int = 4) -> tf.Tensor:
     """Mean of [K, h, w] over squares of `cells` x `cells` cells of `cell` pixels, interpolated between them."""
     coarse = tf.nn.avg_pool2d(values[..., None], cell, cell, "VALID")
     coarse = tf.nn.avg_pool2d(coarse, cells, 1, "SAME")
