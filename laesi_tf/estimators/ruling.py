@@ -15,7 +15,7 @@ import tensorflow as tf
 
 from laesi_tf.estimators import comb, patches, peaks
 from laesi_tf.estimators.lattice import gradients, median, rate
-from laesi_tf.estimators.patches import PICTURE
+from laesi_tf.estimators.patches import BORDER, FRAME, PICTURE
 from laesi_tf.estimators.spectra import BINS, SIDE, spectra
 
 _VIEWS_MM = 40, 450
@@ -41,6 +41,7 @@ class Ruling:
     inliers: int
     spread: float
     """Median relative disagreement between the measured and the fitted frequency vectors."""
+    confidence: float = 0.0
 
     def mm2_per_px(self, points: np.ndarray) -> np.ndarray:
         """Sheet area under a pixel, mm2, at `points` [N, 2] in pixels: the Jacobian's determinant."""
@@ -65,16 +66,16 @@ def read_ruling(
     height, width = small.shape[:2]
     if min(height, width) < SIDE:
         return None
-    picture = np.zeros((PICTURE, PICTURE, 4), np.uint8)
-    picture[:height, :width, :3] = small
-    picture[:height, :width, 3] = 255
+    picture = np.zeros((FRAME, FRAME), np.uint8)
+    # The darkest channel shows ink of any colour, on white as on tinted paper.
+    grey = np.maximum(cv2.min(cv2.min(small[..., 0], small[..., 1]), small[..., 2]), 1)
     if leaf is not None:
-        covered = cv2.resize(leaf.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
-        picture[:height, :width, 3] = 255 * (1 - covered)
+        grey *= 1 - cv2.resize(leaf.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    picture[BORDER : BORDER + height, BORDER : BORDER + width] = grey
     longer = max(image.shape[:2])
     view = [0.0 if about is None else longer / about / grid_mm, *(mm / grid_mm for mm in _VIEWS_MM)]
-    found = _compiled()(picture, np.int32([height, width]), np.float32(view))
-    lattice, evidence, inliers, spread = (part.numpy() for part in found)
+    found = _compiled()(picture, np.int32([height, width]), np.float32(view), comb.MILLIMETRES)
+    lattice, (evidence, share, inliers, spread) = (part.numpy() for part in found)
     if inliers < _FEWEST or evidence < _FAINTEST or spread > _WIDEST:
         return None
     half = max(height, width) / 2
@@ -83,7 +84,7 @@ def read_ruling(
     a, b, d, e, g, h = lattice.astype(float)
     forward = np.array([[a, b, 0], [d, e, 0], [g, h, 1]]) @ to_units
     forward = np.diag([grid_mm, grid_mm, 1.0]) @ forward @ np.diag([width / image.shape[1], height / image.shape[0], 1.0])
-    return Ruling(forward, float(evidence), int(inliers), float(spread))
+    return Ruling(forward, float(evidence), int(inliers), float(spread), float(share))
 
 
 @cache
@@ -91,17 +92,18 @@ def _compiled() -> tf.types.experimental.PolymorphicFunction:
     return tf.function(
         lattice_of,
         input_signature=[
-            tf.TensorSpec([PICTURE, PICTURE, 4], tf.uint8, "picture"),
+            tf.TensorSpec([FRAME, FRAME], tf.uint8, "picture"),
             tf.TensorSpec([2], tf.int32, "size"),
             tf.TensorSpec([3], tf.float32, "view"),
+            tf.TensorSpec([9], tf.float32, "weights"),
         ],
         autograph=False,
     )
 
 
 def lattice_of(
-    picture: tf.Tensor, size: tf.Tensor, view: tf.Tensor
-) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor]:
+    picture: tf.Tensor, size: tf.Tensor, view: tf.Tensor, weights: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
     """Lattice [6] of the ruling, its comb's score, the number of frequencies that agree, and their spread."""
     half = tf.cast(tf.reduce_max(size), tf.float32) / 2
     pixels, middles, steps = patches.chosen(picture, size)
@@ -113,10 +115,10 @@ def lattice_of(
         seen,
         tf.gather(seeds, best),
         tf.gather(places, best),
-        ((0.45, 0.12), (0.9, 0.1), (3.0, 0.08), (3.0, 0.05), (3.0, 0.04)),
+        ((0.45, 0.12), (0.9, 0.1), (3.0, 0.07), (3.0, 0.04)),
     )
-    first, factors, _ = comb.best_family(seen, grown, good, view)
-    return _seen_straight(picture, size, first, factors, centres, view)
+    first = comb.best_family(seen, grown, good, view, weights)
+    return _seen_straight(picture, size, first.lattice, first.factors, centres, view, weights)
 
 
 def _placed(ink: tuple[tf.Tensor, tf.Tensor], centres: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
@@ -124,8 +126,8 @@ def _placed(ink: tuple[tf.Tensor, tf.Tensor], centres: tf.Tensor) -> tuple[tf.Te
 
 
 def _seen_straight(
-    picture: tf.Tensor, size: tf.Tensor, first: tf.Tensor, factors: tf.Tensor, centres: tf.Tensor, view: tf.Tensor
-) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor]:
+    picture: tf.Tensor, size: tf.Tensor, first: tf.Tensor, factors: tf.Tensor, centres: tf.Tensor, view: tf.Tensor, weights: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
     """As `lattice_of`, from a `first` lattice.
 
     Seen straight on, no tooth of the comb is smeared: now the family can be told, and the fit refined.
@@ -140,15 +142,15 @@ def _seen_straight(
     pixels = patches.straightened(picture, size, first, straight * pace, step)
     seen = spectra(*_placed(patches.ink(pixels), straight), tf.repeat(step / pace * BINS, centres.shape[0]))
     upright = tf.stack([pace / factors[0], 0.0, 0.0, pace / factors[1], 0.0, 0.0])[None]
-    second, _, score = comb.best_family(seen, upright, tf.constant([True]), view)
-    second, _ = peaks.regrown(seen, second[None], tf.zeros([1, 2]), ((3.0, 0.05), (3.0, 0.03)))
+    family = comb.best_family(seen, upright, tf.constant([True]), view, weights)
+    second, _ = peaks.regrown(seen, family.lattice[None], tf.zeros([1, 2]), ((3.0, 0.05), (3.0, 0.03)))
     found = peaks.measured(seen, second, 0.04)
     used = found.weight > 0
     error = tf.norm(gradients(second, straight) - found.at, axis=-1) / (tf.norm(found.at, axis=-1) + 1e-9)
     spread = median(error, used)[0]
     inliers = tf.reduce_sum(tf.cast(used & (error < 2 * _WIDEST), tf.int32))
-    evidence = tf.reduce_mean(comb.scores(seen, second)) + tf.minimum(score, 0.0) * tf.cast(score < -1e3, tf.float32)
-    return _composed(second[0], first, pace), evidence, inliers, spread
+    strength = tf.reduce_mean(comb.scores(seen, second, weights)) * family.plausible
+    return _composed(second[0], first, pace), tf.stack([strength, family.share, tf.cast(inliers, tf.float32), spread])
 
 
 def _composed(second: tf.Tensor, first: tf.Tensor, pace: tf.Tensor) -> tf.Tensor:

@@ -1,7 +1,7 @@
 """Spectra of patches of a picture: where in the frequency plane each patch has its power.
 
-A spectrum is [ROWS, COLUMNS]: row r holds the frequency r - ROWS / 2 along y, column c the frequency c - MARGIN
-along x, in BINS-ths of a period per pixel. The other half plane mirrors this one.
+A spectrum is [BINS, COLUMNS] as the transform leaves it: row r holds the frequency r along y, or r - BINS from the
+middle on, column c the frequency c along x, in BINS-ths of a period per pixel. The other half plane mirrors this one.
 """
 
 from typing import NamedTuple
@@ -13,18 +13,16 @@ SIDE = 192
 """Side of a patch, pixels."""
 BINS = 256
 """Patches are padded to this side: TFLite transforms powers of two only, and peaks are interpolated better."""
-MARGIN = 15
-ROWS, COLUMNS = BINS, BINS // 2 + 1 + MARGIN
+COLUMNS = BINS // 2 + 1
 _WINDOW = np.hanning(SIDE + 2)[1:-1].astype(np.float32)
 _WINDOW = _WINDOW[:, None] * _WINDOW
 
 
 class Spectra(NamedTuple):
-    """Log-power of patches [K, ROWS, COLUMNS], its local `level`, and how far it or a neighbour stands out."""
+    """Log-power of patches [K, BINS, COLUMNS] and its local `level`."""
 
     loud: tf.Tensor
     level: tf.Tensor
-    prominence: tf.Tensor
     centres: tf.Tensor
     """[K, 2] in units of `half` pixels from the picture's middle."""
     valid: tf.Tensor
@@ -32,15 +30,32 @@ class Spectra(NamedTuple):
     bins: tf.Tensor
     """[K], bins per period per unit: patches differ in resolution."""
 
-    def read(self, values: tf.Tensor, frequency: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-        """`values` [K, ROWS, COLUMNS] nearest to frequencies [B, K, ..., 2], periods per unit; and where they are
-        within the spectrum, bool [B, K, ...]."""
+    def read(self, frequency: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+        """Log-power and prominence [B, K, ...] at frequencies [B, K, ..., 2], periods per unit.
+
+        Also where they are within the spectrum, bool.
+        """
         extra = [1] * (frequency.shape.rank - 2)
         place = upright(frequency * tf.reshape(self.bins, [1, -1, *extra]))[0]
-        column, row = tf.unstack(tf.cast(tf.round(place), tf.int32), axis=-1)
         inside = within(place, 3.0) & (tf.norm(place, axis=-1) > 3.5)
-        patch = tf.reshape(tf.range(values.shape[0]), [1, -1, *extra[1:]])
-        return at(values, patch, tf.where(inside, row, 0), tf.where(inside, column, 0)), inside
+        column, row = tf.unstack(tf.cast(tf.round(tf.where(inside[..., None], place, 0.0)), tf.int32), axis=-1)
+        patch = tf.reshape(tf.range(self.loud.shape[0]), [1, -1, *extra[1:]])
+        around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2).astype(np.int32)
+        seen = at(self.loud, patch[..., None], row[..., None] + around[:, 1], column[..., None] + around[:, 0])
+        highest = tf.reduce_max(seen, axis=-1)
+        return seen[..., 4], prominence(highest, at(self.level, patch, row, column)), inside
+
+
+def prominence(highest: tf.Tensor, level: tf.Tensor) -> tf.Tensor:
+    """How far a frequency or its best neighbour stands out, log-power, at least 0."""
+    return tf.nn.relu(highest - level - 1)
+
+
+def prominences(spectra: Spectra, stride: int) -> tf.Tensor:
+    """Prominence [K / stride, BINS, COLUMNS] of every frequency of every `stride`-th patch, 0 where not valid."""
+    loud = spectra.loud[::stride]
+    highest = tf.nn.max_pool2d(loud[..., None], 3, 1, "SAME")[..., 0]
+    return prominence(highest, spectra.level[::stride]) * spectra.valid[::stride, None, None]
 
 
 def upright(frequency: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
@@ -55,9 +70,10 @@ def within(place: tf.Tensor, margin: tf.Tensor | float) -> tf.Tensor:
 
 
 def at(values: tf.Tensor, patch: tf.Tensor, row: tf.Tensor, column: tf.Tensor) -> tf.Tensor:
-    """`values` [K, ROWS, COLUMNS] at bins that count from frequency 0."""
-    flat = (patch * ROWS + row + ROWS // 2) * COLUMNS + column + MARGIN
-    return tf.gather(tf.reshape(values, [-1]), flat)
+    """`values` [K, BINS, COLUMNS] at frequencies of -BINS / 2 < `row`, `column` < BINS / 2 bins."""
+    row = tf.where(column < 0, -row, row)
+    row = tf.where(row < 0, row + BINS, row)
+    return tf.gather(tf.reshape(values, [-1]), (patch * BINS + row) * COLUMNS + tf.abs(column))
 
 
 def spectra(detail: tf.Tensor, centres: tf.Tensor, valid: tf.Tensor, bins: tf.Tensor) -> Spectra:
@@ -65,20 +81,8 @@ def spectra(detail: tf.Tensor, centres: tf.Tensor, valid: tf.Tensor, bins: tf.Te
     windowed = (detail - tf.reduce_mean(detail, axis=[1, 2], keepdims=True)) * _WINDOW
     padded = tf.pad(windowed, [[0, 0], [0, BINS - SIDE], [0, BINS - SIDE]])
     transformed = tf.signal.rfft2d(padded, [BINS, BINS])
-    power = tf.math.real(transformed) ** 2 + tf.math.imag(transformed) ** 2
-    loud = _centred(tf.math.log(power + 1e-3))
-    level = local_mean(loud, 3)
-    highest = tf.nn.max_pool2d(loud[..., None], 3, 1, "SAME")[..., 0]
-    return Spectra(loud, level, tf.nn.relu(highest - level - 1), centres, valid, bins)
-
-
-def _centred(values: tf.Tensor) -> tf.Tensor:
-    """Half planes [K, BINS, BINS / 2 + 1] as a transform leaves them to [K, ROWS, COLUMNS]."""
-    right = tf.concat([values[:, BINS // 2 :], values[:, : BINS // 2]], axis=1)
-    # Row r mirrors row BINS - r; the first, the highest frequency, is its own mirror.
-    mirrored = tf.reverse(right[:, :, 1 : MARGIN + 1], axis=[1, 2])
-    left = tf.concat([mirrored[:, -1:], mirrored[:, :-1]], axis=1)
-    return tf.concat([left, right], axis=2)
+    loud = 2 * tf.math.log(tf.abs(transformed) + 0.03)
+    return Spectra(loud, local_mean(loud, 3), centres, valid, bins)
 
 
 def local_mean(values: tf.Tensor, cells: int, cell: int = 4) -> tf.Tensor:
