@@ -86,7 +86,7 @@ def solve(matrix: tf.Tensor, right: tf.Tensor) -> tf.Tensor:
     Scaled to a unit diagonal first, no pivoting is needed.
     """
     n = matrix.shape[-1]
-    size = tf.sqrt(tf.linalg.diag_part(matrix)) + 1e-9
+    size = tf.sqrt(tf.reduce_sum(matrix * tf.eye(n), axis=2)) + 1e-9
     augmented = tf.concat([matrix / (size[:, :, None] * size[:, None, :]), (right / size)[..., None]], axis=2)
     augmented += tf.constant([[_RIDGE if i == j else 0.0 for j in range(n + 1)] for i in range(n)])
     for k in range(n):

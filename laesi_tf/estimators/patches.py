@@ -33,7 +33,7 @@ def chosen(picture: tf.Tensor, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, t
     order = np.random.default_rng(0).permutation(_PLACES**2).astype(np.float32)
     places = _corners(size, _PLACES, SIDE)
     cells = SIDE // _CELL
-    bare = tf.cast(picture[None, BORDER::_CELL, BORDER::_CELL, None] > 0, tf.float32)
+    bare = tf.minimum(tf.cast(picture[None, BORDER::_CELL, BORDER::_CELL, None], tf.float32), 1)
     share = tf.nn.avg_pool2d(bare, cells, 1, "VALID")[0, :, :, 0]
     share = tf.gather_nd(share, places // _CELL)
     # Where more are bare than are kept, those that are left out lie scattered.
@@ -91,7 +91,7 @@ def ink(patches: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
 
     It is free of shading and of one strong edge's dominance.
     """
-    bare = tf.cast(patches > 0, tf.float32)
+    bare = tf.minimum(patches, 1)
     # What is covered takes the mean of what is not, so that its margin is no edge.
     share = tf.reduce_mean(bare, axis=[1, 2], keepdims=True)
     mean = tf.reduce_mean(patches, axis=[1, 2], keepdims=True) / tf.maximum(share, 1e-3)

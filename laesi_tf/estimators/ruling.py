@@ -22,7 +22,7 @@ _VIEWS_MM = 40, 450
 """Longer side of the sheet that a picture may show."""
 _FEWEST, _FAINTEST, _WIDEST = 10, 2.0, 0.01
 """Refusal: fewer measured frequencies, a fainter comb, or a larger median disagreement than these."""
-_SEED_STRIDE, _SEEDS = 2, 4
+_SEED_STRIDE, _SEEDS = 2, 3
 _SAMPLES = 5.0
 """Samples per period of the straightened patches, at least where the photo has as many: ten are two periods of the
 heaviest lines in a patch."""
