@@ -9,7 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sheets import SIDE, drawn, jacobian
 
-from laesi_tf.estimators.ruling import read_ruling
+from laesi_tf.estimators.comb import MILLIMETRES
+from laesi_tf.estimators.patches import BORDER, FRAME
+from laesi_tf.estimators.ruling import graph, read_ruling
+from laesi_tf.estimators.tilt import tilt_deg
 from laesi_tf.synthesis import load_ranges, synthesise
 
 
@@ -42,6 +45,48 @@ def test_another_ruling_works_by_its_number():
     ruling = read_ruling(image, grid_mm=5.0)
     assert ruling is not None
     assert ruling.px_per_mm(np.array([300.0, 300.0])) == pytest.approx(8.0 / 5.0, rel=0.005)
+
+
+def test_graph_and_its_conversion_agree():
+    litert = pytest.importorskip("ai_edge_litert.interpreter", reason="needs the extra litert")
+    image, _ = drawn(px_per_mm=6.0, turn=0.4, tilt=(0.1, -0.05))
+    picture = np.zeros((FRAME, FRAME), np.uint8)
+    picture[BORDER : BORDER + SIDE, BORDER : BORDER + SIDE] = image.min(axis=2)
+    inputs = {
+        "picture": picture,
+        "size": np.int32([SIDE, SIDE]),
+        "view": np.float32([0, 40, 450]),
+        "weights": MILLIMETRES,
+    }
+    converter = tf.lite.TFLiteConverter.from_concrete_functions([graph().get_concrete_function()], graph())
+    converter.target_spec.supported_ops = [tf.lite.OpsSet.TFLITE_BUILTINS]
+    interpreter = litert.Interpreter(model_content=converter.convert())
+    interpreter.allocate_tensors()
+    for detail in interpreter.get_input_details():
+        interpreter.set_tensor(detail["index"], inputs[detail["name"]])
+    interpreter.invoke()
+    converted = [interpreter.get_tensor(detail["index"]) for detail in interpreter.get_output_details()]
+    for ours, theirs in zip(graph()(**inputs), converted, strict=True):
+        np.testing.assert_allclose(theirs, ours, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 3.0, 12.0, 20.0])
+@pytest.mark.parametrize("focal", [0.8, 1.5])
+def test_tilt_of_a_pinhole(tilt, focal):
+    angle = math.radians(tilt)
+    turned = np.array(
+        [[1, 0, 0], [0, math.cos(angle), -math.sin(angle)], [0, math.sin(angle), math.cos(angle)]]
+    )
+    camera = np.array([[focal * 800, 0, 400], [0, focal * 800, 300], [0, 0, 1]])
+    to_px = camera @ np.column_stack([turned[:, 0], turned[:, 1], [5, -8, 150]])
+    found = tilt_deg(np.linalg.inv(to_px), (600, 800))
+    assert found == pytest.approx(tilt, abs=0.01)
+
+
+def test_a_clear_sheet_is_read_with_confidence():
+    sure = read_ruling(drawn(px_per_mm=6.0, turn=0.3)[0])
+    assert sure is not None and sure.confidence > 0.9
+    assert 0 <= sure.tilt_deg < 2
 
 
 @pytest.mark.parametrize("level", [0, 127, 255])

@@ -21,11 +21,12 @@ _STEEPEST = 0.4
 _ALIKE = 0.02
 """Families whose scales differ by less are one."""
 _ROUGH, _WRONG = 0.1, 0.008
-"""Error of a rough scale, a standard deviation of its logarithm; and the likelihood, relative to that of a perfect
-one, that is left to any other: a rough scale is off by far now and then, and the comb may overrule it."""
-MILLIMETRES = np.float32([0.5, 1.7, 0.53, -1.39, -0.51, -2.21, 0.21, 0.74, -1.54])
+"""Error of a rough scale, a standard deviation of its logarithm; and the likelihood, relative to that of a
+perfect one, that is left to any other: a rough scale is off by far now and then, and the comb may overrule
+it."""
+MILLIMETRES = np.array([0.5, 1.7, 0.53, -1.39, -0.51, -2.21, 0.21, 0.74, -1.54], np.float32)
 """Weights of the signs of `_signs` on paper whose every fifth or tenth line is heavier: log-odds."""
-PLAIN = np.float32([1.0, -1.0, 0.5, -1.0, -0.5, -2.0, 0.5, 0.5, -1.5])
+PLAIN = np.array([1.0, -1.0, 0.5, -1.0, -0.5, -2.0, 0.5, 0.5, -1.5], np.float32)
 """The same where no line is heavier than another."""
 _ANGLES = np.deg2rad(np.arange(0, 180, 1.0))
 _STEP = 0.02
@@ -33,7 +34,8 @@ _FREQUENCIES = np.exp(np.arange(math.log(1 / 80), math.log(0.46), _STEP))
 
 
 def seeds(spectra: Spectra, stride: int) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
-    """The best untilted lattice of every `stride`-th patch: lattices [n, 6], patches' centres [n, 2], scores [n]."""
+    """The best untilted lattice of every `stride`-th patch: lattices [n, 6], patches' centres [n, 2],
+    scores [n]."""
     chosen = prominences(spectra, stride)
     table = _polar_bins()
     polar = tf.gather(tf.reshape(chosen, [chosen.shape[0], -1]), table.ravel(), axis=1)
@@ -43,7 +45,9 @@ def seeds(spectra: Spectra, stride: int) -> tuple[tf.Tensor, tf.Tensor, tf.Tenso
     flat = tf.reshape(score, [score.shape[0], -1])
     best = tf.argmax(flat, axis=1, output_type=tf.int32)
     angle = tf.gather(_ANGLES.astype(np.float32), best // len(_FREQUENCIES))
-    along = tf.gather(_FREQUENCIES.astype(np.float32), best % len(_FREQUENCIES)) * BINS / spectra.bins[::stride]
+    along = (
+        tf.gather(_FREQUENCIES.astype(np.float32), best % len(_FREQUENCIES)) * BINS / spectra.bins[::stride]
+    )
     a, b = along * tf.cos(angle), along * tf.sin(angle)
     none = tf.zeros_like(a)
     return tf.stack([a, b, -b, a, none, none], axis=1), spectra.centres[::stride], tf.reduce_max(flat, axis=1)
@@ -81,7 +85,7 @@ def scores(spectra: Spectra, lattice: tf.Tensor, weights: tf.Tensor) -> tf.Tenso
 
     `weights` [9] are those of the signs.
     """
-    places = gradients(lattice, spectra.centres)[..., None, :] * np.float32(_HEARD)[:, None]
+    places = gradients(lattice, spectra.centres)[..., None, :] * np.array(_HEARD, np.float32)[:, None]
     means = _means(spectra, places)
     loud, prominent, heard = (dict(zip(_HEARD, tf.unstack(part, axis=-1), strict=True)) for part in means)
     return tf.reduce_sum(tf.stack(_signs(loud, prominent, heard), axis=-1) * weights, axis=-1)
@@ -142,8 +146,8 @@ def _means(spectra: Spectra, places: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, t
 
 
 class Family(NamedTuple):
-    """What was chosen: the lattice [6], how much finer it is than the lines that were followed [2], the share of
-    all likelihood that is its own, and 1 where anything was plausible at all."""
+    """What was chosen: the lattice [6], how much finer it is than the lines that were followed [2], the
+    share of all likelihood that is its own, and 1 where anything was plausible at all."""
 
     lattice: tf.Tensor
     factors: tf.Tensor

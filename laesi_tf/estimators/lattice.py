@@ -1,8 +1,9 @@
 """Square lattices seen in perspective, and their fit to frequencies measured in patches.
 
-A lattice is [..., 6]: (a, b, d, e, g, h) maps a point (u, v), in units of half the picture's longer side from its
-middle, to the sheet's coordinates X = (a u + b v) / w and Y = (d u + e v) / w, w = g u + h v + 1, in periods of
-the ruling. Its two families of lines have the gradients of X and Y for frequencies, periods per unit.
+A lattice is [..., 6]: (a, b, d, e, g, h) maps a point (u, v), in units of half the picture's longer side
+from its middle, to the sheet's coordinates X = (a u + b v) / w and Y = (d u + e v) / w, w = g u + h v + 1,
+in periods of the ruling. Its two families of lines have the gradients of X and Y for frequencies, periods
+per unit.
 """
 
 from typing import NamedTuple
@@ -12,7 +13,8 @@ import tensorflow as tf
 _ROUNDS = 3
 """Gauss-Newton converges in three to four from a start within a tenth, and fits follow one another."""
 _STEEPEST = 0.45
-"""Bound of each of a lattice's two numbers of perspective: nothing in the picture is then behind the camera."""
+"""Bound of each of a lattice's two numbers of perspective: nothing in the picture is then behind the
+camera."""
 _RIDGE = 1e-5
 
 
@@ -53,7 +55,9 @@ def fitted(lattice: tf.Tensor, centres: tf.Tensor, peaks: Peaks) -> tf.Tensor:
     least five patches the perspective is left alone.
     """
     several = tf.reduce_sum(tf.cast(tf.reduce_any(peaks.weight > 0, axis=2), tf.float32), axis=1) >= 5
-    free = tf.concat([tf.ones_like(lattice[:, :4]), tf.repeat(tf.cast(several, tf.float32)[:, None], 2, 1)], 1)
+    free = tf.concat(
+        [tf.ones_like(lattice[:, :4]), tf.repeat(tf.cast(several, tf.float32)[:, None], 2, 1)], 1
+    )
     size = tf.norm(peaks.at, axis=-1, keepdims=True) + 1e-9
     scale = tf.sqrt(peaks.weight[..., None]) / size
     for _ in range(_ROUNDS):

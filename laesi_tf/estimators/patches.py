@@ -1,7 +1,7 @@
 """Patches cut from a working picture of fixed size, upright as it is or straightened by a lattice.
 
-The picture is uint8 [FRAME, FRAME]: grey in 1..255 where paper may be seen, 0 on the leaf and beyond the photo, whose
-top left corner is at (BORDER, BORDER).
+The picture is uint8 [FRAME, FRAME]: grey in 1..255 where paper may be seen, 0 on the leaf and beyond the
+photo, whose top left corner is at (BORDER, BORDER).
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ BORDER = 16
 """Blank pixels around the photo: a cell."""
 FRAME = PICTURE + 2 * BORDER
 """Side of the working picture, pixels."""
-FINE, WIDE = 16, 9
+FINE, WIDE = 16, 4
 """Patches at full resolution, and patches at half of it that show twice as much: together they resolve the
 millimetres of a wide view and the centimetres of a close one."""
 COUNT = FINE + WIDE
@@ -38,11 +38,13 @@ def chosen(picture: tf.Tensor, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, t
     share = tf.gather_nd(share, places // _CELL)
     # Where more are bare than are kept, those that are left out lie scattered.
     best = tf.math.top_k(tf.minimum(share, 0.9) - 1e-4 * order, FINE).indices
-    fine, wide = tf.gather(places, best), _corners(size, 3, 2 * SIDE)
+    fine, wide = tf.gather(places, best), _corners(size, 2, 2 * SIDE)
     halved = tf.nn.avg_pool2d(_cut(picture, wide, 2 * SIDE)[..., None], 2, 2, "VALID")[..., 0]
     patches = tf.concat([_cut(picture, fine, SIDE), halved], axis=0)
-    steps = np.repeat(np.float32([1, 2]), [FINE, WIDE])
-    middles = tf.cast(tf.reverse(tf.concat([fine, wide], axis=0), [1]), tf.float32) + SIDE / 2 * steps[:, None]
+    steps = np.repeat(np.array([1, 2], np.float32), [FINE, WIDE])
+    middles = (
+        tf.cast(tf.reverse(tf.concat([fine, wide], axis=0), [1]), tf.float32) + SIDE / 2 * steps[:, None]
+    )
     return patches, middles, tf.constant(steps)
 
 
@@ -68,8 +70,8 @@ def straightened(
 ) -> tf.Tensor:
     """Patches float [K, SIDE, SIDE] seen straight on.
 
-    `middles` [K, 2] and the distance `step` of samples are in periods of `lattice` [6]. Pixels are the nearest:
-    the error is noise without lines of its own.
+    `middles` [K, 2] and the distance `step` of samples are in periods of `lattice` [6]. Pixels are the
+    nearest: the error is noise without lines of its own.
     """
     offsets = (np.arange(SIDE, dtype=np.float32) + 0.5 - SIDE / 2) * step
     x = (middles[:, :1] + offsets)[:, None, :]

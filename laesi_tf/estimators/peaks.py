@@ -17,7 +17,8 @@ _NEAREST = 2.7
 def regrown(
     spectra: Spectra, lattice: tf.Tensor, start: tf.Tensor, stages: tuple[tuple[float, float], ...]
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Fit lattices [B, 6] by stages of (reach from `start` [B, 2], tolerance of peaks); and bool [B]: peaks enough."""
+    """Fit lattices [B, 6] by stages of (reach from `start` [B, 2], tolerance of peaks); and bool [B]: peaks
+    enough."""
     distance = tf.norm(spectra.centres[None] - start[:, None], axis=-1)
     good = tf.ones_like(lattice[:, 0]) > 0
     for reach, tolerance in stages:
@@ -29,7 +30,8 @@ def regrown(
 
 
 def measured(spectra: Spectra, lattice: tf.Tensor, tolerance: float) -> Peaks:
-    """The highest points of the spectra within `tolerance`, relative, of the frequencies of lattices [B, 6]."""
+    """The highest points of the spectra within `tolerance`, relative, of the frequencies of lattices [B,
+    6]."""
     bins = spectra.bins[:, None, None]
     expected = gradients(lattice, spectra.centres) * bins
     place, sign = upright(expected)
@@ -50,8 +52,12 @@ def measured(spectra: Spectra, lattice: tf.Tensor, tolerance: float) -> Peaks:
     above = height - at(spectra.level, patch, row, column)
     shift = tf.stack(
         [
-            _vertex(at(spectra.loud, patch, row, column - 1), height, at(spectra.loud, patch, row, column + 1)),
-            _vertex(at(spectra.loud, patch, row - 1, column), height, at(spectra.loud, patch, row + 1, column)),
+            _vertex(
+                at(spectra.loud, patch, row, column - 1), height, at(spectra.loud, patch, row, column + 1)
+            ),
+            _vertex(
+                at(spectra.loud, patch, row - 1, column), height, at(spectra.loud, patch, row + 1, column)
+            ),
         ],
         axis=-1,
     )

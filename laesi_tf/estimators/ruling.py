@@ -3,7 +3,8 @@
 The ruling is a lattice, so the spectrum of a patch has peaks at the multiples of two frequency vectors: the
 gradients of the sheet's coordinates X and Y, in periods per pixel. Peaks are measured in many patches and one
 homography is fitted to all of them, so tilt is measured and undone. Which family of lines a peak belongs to
-(1, 5 or 10 mm) is decided by the comb that all harmonics make together. All of it is one TensorFlow graph.
+(1, 5 or 10 mm) is decided by the comb that all harmonics make together. All of it is one TensorFlow graph;
+outside remain the resizing of the photo, and what is derived from the graph's ten numbers.
 """
 
 from dataclasses import dataclass
@@ -17,15 +18,25 @@ from laesi_tf.estimators import comb, patches, peaks
 from laesi_tf.estimators.lattice import gradients, median, rate
 from laesi_tf.estimators.patches import BORDER, FRAME, PICTURE
 from laesi_tf.estimators.spectra import BINS, SIDE, spectra
+from laesi_tf.estimators.tilt import tilt_deg
 
 _VIEWS_MM = 40, 450
 """Longer side of the sheet that a picture may show."""
-_FEWEST, _FAINTEST, _WIDEST = 10, 2.0, 0.01
-"""Refusal: fewer measured frequencies, a fainter comb, or a larger median disagreement than these."""
+_FEWEST, _FAINTEST, _DOUBTFUL, _WIDEST = 10, 0.0, 0.5, 0.01
+"""Refusal: fewer measured frequencies, weaker signs of a ruling, less confidence, or a larger median
+disagreement."""
+_SMALLEST = 480
+"""Longest side of a working picture of squared paper, pixels: two patches and a half."""
+_LARGEST = 2.0
+"""How much a small picture may be enlarged to hold a patch."""
+_FINEST_PX = 3.4
+"""Pixels per period, at least, of the working picture in the widest view: other rulings need fewer pixels."""
+_PLAIN_MM = 2.0
+"""From this distance of the finest lines on, none is taken to be heavier than another: squared paper."""
 _SEED_STRIDE, _SEEDS = 2, 3
 _SAMPLES = 5.0
-"""Samples per period of the straightened patches, at least where the photo has as many: ten are two periods of the
-heaviest lines in a patch."""
+"""Samples per period of the straightened patches, at least where the photo has as many: ten are two periods
+of the heaviest lines in a patch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +47,13 @@ class Ruling:
     """
 
     forward: np.ndarray
-    evidence: float
-    """The comb's score, a sum of log-prominences."""
+    tilt_deg: float
+    """Angle between the camera's axis and the paper's normal; what is assumed, `tilt.tilt_deg` says."""
+    confidence: float
+    """Chance in 0..1 that the scale is right within 1 %."""
     inliers: int
     spread: float
     """Median relative disagreement between the measured and the fitted frequency vectors."""
-    confidence: float = 0.0
 
     def mm2_per_px(self, points: np.ndarray) -> np.ndarray:
         """Sheet area under a pixel, mm2, at `points` [N, 2] in pixels: the Jacobian's determinant."""
@@ -61,34 +73,64 @@ def read_ruling(
     `leaf`, bool [H, W], is left out. `grid_mm` is the distance of the finest lines. `about`, px per mm, is a
     rough scale from elsewhere that helps to tell which lines are the finest.
     """
-    shrink = min(1.0, PICTURE / max(image.shape[:2]))
-    small = cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
-    height, width = small.shape[:2]
-    if min(height, width) < SIDE:
+    small = _working(image, grid_mm)
+    if small is None:
         return None
-    picture = np.zeros((FRAME, FRAME), np.uint8)
-    # The darkest channel shows ink of any colour, on white as on tinted paper.
-    grey = np.maximum(cv2.min(cv2.min(small[..., 0], small[..., 1]), small[..., 2]), 1)
+    height, width = small.shape[:2]
+    weights = comb.MILLIMETRES if grid_mm < _PLAIN_MM else comb.PLAIN
+    view = [
+        0.0 if about is None else max(image.shape[:2]) / about / grid_mm,
+        *(mm / grid_mm for mm in _VIEWS_MM),
+    ]
+    found = graph()(
+        _framed(small, leaf), np.array([height, width], np.int32), np.array(view, np.float32), weights
+    )
+    lattice, (evidence, share, inliers, spread) = (part.numpy() for part in found)
+    if inliers < _FEWEST or evidence < _FAINTEST or share < _DOUBTFUL or spread > _WIDEST:
+        return None
+    shrunk = np.diag([width / image.shape[1], height / image.shape[0], 1.0])
+    forward = np.diag([grid_mm, grid_mm, 1.0]) @ _homography(lattice, height, width) @ shrunk
+    tilt = tilt_deg(forward, image.shape[:2])
+    return Ruling(forward, tilt, float(share), int(inliers), float(spread))
+
+
+def _working(image: np.ndarray, grid_mm: float) -> np.ndarray | None:
+    """`image` at the size that its ruling needs; None where it is too small."""
+    longer, shorter = max(image.shape[:2]), min(image.shape[:2])
+    longest = min(PICTURE, max(_SMALLEST, 2 * _FINEST_PX * _VIEWS_MM[1] / grid_mm))
+    scale = max(min(1.0, longest / longer), SIDE / shorter)
+    if scale > _LARGEST or scale * longer > PICTURE:
+        return None
+    interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=interpolation)
+
+
+def _framed(small: np.ndarray, leaf: np.ndarray | None) -> np.ndarray:
+    """The working picture [FRAME, FRAME] of a photo without its `leaf`.
+
+    The darkest channel shows ink of any colour, on white as on tinted paper.
+    """
+    height, width = small.shape[:2]
+    red, green, blue = (small[..., channel] for channel in range(3))
+    grey = np.maximum(cv2.min(cv2.min(red, green), blue), 1)
     if leaf is not None:
         grey *= 1 - cv2.resize(leaf.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
-    picture[BORDER : BORDER + height, BORDER : BORDER + width] = grey
-    longer = max(image.shape[:2])
-    view = [0.0 if about is None else longer / about / grid_mm, *(mm / grid_mm for mm in _VIEWS_MM)]
-    found = _compiled()(picture, np.int32([height, width]), np.float32(view), comb.MILLIMETRES)
-    lattice, (evidence, share, inliers, spread) = (part.numpy() for part in found)
-    if inliers < _FEWEST or evidence < _FAINTEST or spread > _WIDEST:
-        return None
+    framed = np.zeros((FRAME, FRAME), np.uint8)
+    framed[BORDER : BORDER + height, BORDER : BORDER + width] = grey
+    return framed
+
+
+def _homography(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
+    """From the working photo's pixels, their centres at halves, to periods of the lattice [6]: [3, 3]."""
     half = max(height, width) / 2
-    x, y = width / 2, height / 2
-    to_units = np.array([[1, 0, -x], [0, 1, -y], [0, 0, half]]) / half
+    to_units = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, half]]) / half
     a, b, d, e, g, h = lattice.astype(float)
-    forward = np.array([[a, b, 0], [d, e, 0], [g, h, 1]]) @ to_units
-    forward = np.diag([grid_mm, grid_mm, 1.0]) @ forward @ np.diag([width / image.shape[1], height / image.shape[0], 1.0])
-    return Ruling(forward, float(evidence), int(inliers), float(spread), float(share))
+    return np.array([[a, b, 0], [d, e, 0], [g, h, 1]]) @ to_units
 
 
 @cache
-def _compiled() -> tf.types.experimental.PolymorphicFunction:
+def graph() -> tf.types.experimental.PolymorphicFunction:
+    """`lattice_of` with a fixed signature, of operations that TFLite has built in."""
     return tf.function(
         lattice_of,
         input_signature=[
@@ -104,29 +146,37 @@ def _compiled() -> tf.types.experimental.PolymorphicFunction:
 def lattice_of(
     picture: tf.Tensor, size: tf.Tensor, view: tf.Tensor, weights: tf.Tensor
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Lattice [6] of the ruling, its comb's score, the number of frequencies that agree, and their spread."""
+    """Lattice [6] of the ruling in a working `picture` (see `patches`) of a photo of `size` (height, width).
+
+    `view` and `weights` are as in `comb.best_family`. Also [4]: what speaks for a ruling (log-odds, 0 where
+    nothing is plausible), the share of likelihood of this family, the number of frequencies that agree, and
+    the median of their relative disagreement.
+    """
     half = tf.cast(tf.reduce_max(size), tf.float32) / 2
     pixels, middles, steps = patches.chosen(picture, size)
     centres = (middles - tf.cast(tf.reverse(size, [0]), tf.float32) / 2) / half
-    seen = spectra(*_placed(patches.ink(pixels), centres), steps * BINS / half)
+    ink, bare = patches.ink(pixels)
+    seen = spectra(ink, centres, bare, steps * BINS / half)
     seeds, places, score = comb.seeds(seen, _SEED_STRIDE)
     best = tf.math.top_k(score, _SEEDS).indices
     grown, good = peaks.regrown(
         seen,
         tf.gather(seeds, best),
         tf.gather(places, best),
-        ((0.45, 0.12), (0.9, 0.1), (3.0, 0.07), (3.0, 0.04)),
+        ((0.45, 0.1), (0.9, 0.08), (3.0, 0.06), (3.0, 0.03)),
     )
     first = comb.best_family(seen, grown, good, view, weights)
     return _seen_straight(picture, size, first.lattice, first.factors, centres, view, weights)
 
 
-def _placed(ink: tuple[tf.Tensor, tf.Tensor], centres: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
-    return ink[0], centres, ink[1]
-
-
 def _seen_straight(
-    picture: tf.Tensor, size: tf.Tensor, first: tf.Tensor, factors: tf.Tensor, centres: tf.Tensor, view: tf.Tensor, weights: tf.Tensor
+    picture: tf.Tensor,
+    size: tf.Tensor,
+    first: tf.Tensor,
+    factors: tf.Tensor,
+    centres: tf.Tensor,
+    view: tf.Tensor,
+    weights: tf.Tensor,
 ) -> tuple[tf.Tensor, tf.Tensor]:
     """As `lattice_of`, from a `first` lattice.
 
@@ -140,7 +190,8 @@ def _seen_straight(
     straight = tf.stack([(a * u + b * v) / w, (d * u + e * v) / w], axis=1)
     step = tf.clip_by_value(1 / _SAMPLES, pace / half, 3 * pace / half)
     pixels = patches.straightened(picture, size, first, straight * pace, step)
-    seen = spectra(*_placed(patches.ink(pixels), straight), tf.repeat(step / pace * BINS, centres.shape[0]))
+    ink, bare = patches.ink(pixels)
+    seen = spectra(ink, straight, bare, tf.repeat(step / pace * BINS, centres.shape[0]))
     upright = tf.stack([pace / factors[0], 0.0, 0.0, pace / factors[1], 0.0, 0.0])[None]
     family = comb.best_family(seen, upright, tf.constant([True]), view, weights)
     second, _ = peaks.regrown(seen, family.lattice[None], tf.zeros([1, 2]), ((3.0, 0.05), (3.0, 0.03)))
@@ -150,7 +201,9 @@ def _seen_straight(
     spread = median(error, used)[0]
     inliers = tf.reduce_sum(tf.cast(used & (error < 2 * _WIDEST), tf.int32))
     strength = tf.reduce_mean(comb.scores(seen, second, weights)) * family.plausible
-    return _composed(second[0], first, pace), tf.stack([strength, family.share, tf.cast(inliers, tf.float32), spread])
+    return _composed(second[0], first, pace), tf.stack(
+        [strength, family.share, tf.cast(inliers, tf.float32), spread]
+    )
 
 
 def _composed(second: tf.Tensor, first: tf.Tensor, pace: tf.Tensor) -> tf.Tensor:

@@ -1,7 +1,8 @@
 """Spectra of patches of a picture: where in the frequency plane each patch has its power.
 
-A spectrum is [BINS, COLUMNS] as the transform leaves it: row r holds the frequency r along y, or r - BINS from the
-middle on, column c the frequency c along x, in BINS-ths of a period per pixel. The other half plane mirrors this one.
+A spectrum is [BINS, COLUMNS] as the transform leaves it: row r holds the frequency r along y, or r - BINS
+from the middle on, column c the frequency c along x, in BINS-ths of a period per pixel. The other half
+plane mirrors this one.
 """
 
 from typing import NamedTuple
@@ -12,7 +13,8 @@ import tensorflow as tf
 SIDE = 192
 """Side of a patch, pixels."""
 BINS = 256
-"""Patches are padded to this side: TFLite transforms powers of two only, and peaks are interpolated better."""
+"""Patches are padded to this side: TFLite transforms powers of two only, and peaks are interpolated
+better."""
 COLUMNS = BINS // 2 + 1
 _WINDOW = np.hanning(SIDE + 2)[1:-1].astype(np.float32)
 _WINDOW = _WINDOW[:, None] * _WINDOW
@@ -38,10 +40,14 @@ class Spectra(NamedTuple):
         extra = [1] * (frequency.shape.rank - 2)
         place = upright(frequency * tf.reshape(self.bins, [1, -1, *extra]))[0]
         inside = within(place, 3.0) & (tf.norm(place, axis=-1) > 3.5)
-        column, row = tf.unstack(tf.cast(tf.round(tf.where(inside[..., None], place, 0.0)), tf.int32), axis=-1)
+        column, row = tf.unstack(
+            tf.cast(tf.round(tf.where(inside[..., None], place, 0.0)), tf.int32), axis=-1
+        )
         patch = tf.reshape(tf.range(self.loud.shape[0]), [1, -1, *extra[1:]])
         around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2).astype(np.int32)
-        seen = at(self.loud, patch[..., None], row[..., None] + around[:, 1], column[..., None] + around[:, 0])
+        seen = at(
+            self.loud, patch[..., None], row[..., None] + around[:, 1], column[..., None] + around[:, 0]
+        )
         highest = tf.reduce_max(seen, axis=-1)
         return seen[..., 4], prominence(highest, at(self.level, patch, row, column)), inside
 
@@ -52,14 +58,16 @@ def prominence(highest: tf.Tensor, level: tf.Tensor) -> tf.Tensor:
 
 
 def prominences(spectra: Spectra, stride: int) -> tf.Tensor:
-    """Prominence [K / stride, BINS, COLUMNS] of every frequency of every `stride`-th patch, 0 where not valid."""
+    """Prominence [K / stride, BINS, COLUMNS] of every frequency of every `stride`-th patch, 0 where not
+    valid."""
     loud = spectra.loud[::stride]
     highest = tf.nn.max_pool2d(loud[..., None], 3, 1, "SAME")[..., 0]
     return prominence(highest, spectra.level[::stride]) * spectra.valid[::stride, None, None]
 
 
 def upright(frequency: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Frequencies [..., 2] turned into the half plane that spectra hold, and the signs [..., 1] that did it."""
+    """Frequencies [..., 2] turned into the half plane that spectra hold, and the signs [..., 1] that did
+    it."""
     sign = tf.where(frequency[..., :1] < 0, -1.0, 1.0)
     return frequency * sign, sign
 
@@ -86,7 +94,8 @@ def spectra(detail: tf.Tensor, centres: tf.Tensor, valid: tf.Tensor, bins: tf.Te
 
 
 def local_mean(values: tf.Tensor, cells: int, cell: int = 4) -> tf.Tensor:
-    """Mean of [K, h, w] over squares of `cells` x `cells` cells of `cell` pixels, interpolated between them."""
+    """Mean of [K, h, w] over squares of `cells` x `cells` cells of `cell` pixels, interpolated between
+    them."""
     coarse = tf.nn.avg_pool2d(values[..., None], cell, cell, "VALID")
     coarse = tf.nn.avg_pool2d(coarse, cells, 1, "SAME")
     return tf.image.resize(coarse, values.shape[1:])[..., 0]
