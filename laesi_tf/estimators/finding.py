@@ -1,0 +1,226 @@
+"""Find the leaves on a photo: a glance at the whole sheet, then a close look at whatever may be a leaf.
+
+The mask network was trained on pictures that a leaf fills to a third or more. In a photo of a whole sheet small
+leaves are smears that run into each other, but most are seen; so the look is repeated around each, closer and
+closer, until it fills its view as leaves do in training. Where the leaves turn out to be small, the sheet is
+gone over once more in tiles, for those that the glance missed.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from laesi_tf.data.fitting import Placement, fit
+from laesi_tf.estimators.views import Cut, Views
+
+Predict = Callable[[np.ndarray], np.ndarray]
+"""A mask network: uint8 [N, h, w, 3] -> leaf probability, float32 [N, h, w, 1]."""
+
+_SEEN, _GLIMPSED = 0.5, 0.2
+"""Probability above which a pixel is leaf in a close view; and in a glance, where small leaves are faint."""
+_ROOM = 1.4
+"""Side of a close view in units of the longer side of what it shows."""
+_FILLS = 0.5, 0.9
+"""A piece whose longer side takes up this share of its view is seen as closely as leaves are in training."""
+_SLIGHT = 0.15
+"""A piece that fills less of a close view is no business of that view."""
+_NARROWEST, _AROUND = 0.1, 1.3
+"""First views span at least this share of the photo after a glance, and so many leaves after tiles."""
+_ALIKE = 0.7
+"""Boxes whose intersection over union exceeds this show the same."""
+_ROUNDS, _MOST = 4, 160
+"""Looks at one place, and places looked at in one round."""
+_SPECK = 6
+"""Pieces of fewer pixels of the network are nothing."""
+_SMALL, _TILE, _STRIDE = 0.16, 2.6, 1.5
+"""Leaves of less than this share of the photo are sought in tiles as wide as so many leaves, so far apart: of
+several small leaves in one view the network overlooks some."""
+_LEAST = 0.03
+"""Share of the largest leaf's area below which a piece is a crumb: on fresh scenes all such pieces were ends of
+petioles, gaps in leaves or print, while on sheets of seedlings the smallest leaf has a sixth of the largest."""
+_STRICTER = 0.2
+"""The same in tiles, against the leaves' median: punch holes and pen strokes come close to small leaves there."""
+_COARSEST_PX, _SHARPEST_PX = 448, 1024
+"""Longer side of a view: at least twice the network's where the photo has it, at most what margins need."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """A piece that may be a leaf, in a view of it; `probability` [h, w] covers the network's input."""
+
+    cut: Cut
+    probability: np.ndarray
+    placement: Placement
+    piece: np.ndarray
+    """bool [h, w], True on the piece, in the network's input."""
+    box: np.ndarray
+    """[[left, top], [right, bottom]] of the piece in photo pixels."""
+    within: bool
+    """Whether it ends within the view, wherever the photo goes on beyond it."""
+
+    @property
+    def longest(self) -> float:
+        """Longer side of the box in photo pixels."""
+        return float((self.box[1] - self.box[0]).max())
+
+    @property
+    def fill(self) -> float:
+        """Longer side of the piece over that of its view."""
+        return self.longest / float((self.cut.step * self.cut.image.shape[1::-1]).max())
+
+    @property
+    def area(self) -> float:
+        """Area of the piece in photo pixels."""
+        return float(np.count_nonzero(self.piece) * (self.cut.step / self.placement.scale[::-1]).prod())
+
+    def alone(self) -> np.ndarray:
+        """`probability` of this piece, 0 on all others."""
+        # A pixel of slope is left around the piece, for the upsampling.
+        near = cv2.dilate(self.piece.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        return np.where(near | (self.probability < _SEEN), self.probability, 0)
+
+    def neighbours(self) -> np.ndarray:
+        """Other pieces in view, bool [h, w], that are large enough to be leaves or reach out of it."""
+        _, labels, statistics, _ = cv2.connectedComponentsWithStats(
+            ((self.probability >= _GLIMPSED) & ~self.piece).astype(np.uint8)
+        )
+        large = statistics[:, cv2.CC_STAT_AREA] >= _LEAST * np.count_nonzero(self.piece)
+        large[0] = False
+        touching = cv2.dilate(self.piece.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        large[np.unique(labels[touching])] = False
+        return large[labels]
+
+    def holds(self, points: np.ndarray) -> np.ndarray:
+        """Whether the piece holds photo pixels `points` [N, 2], bool [N]."""
+        inner = self.cut.of_photo(points) * self.placement.scale[::-1] + self.placement.offset[::-1]
+        column, row = np.floor(inner).astype(int).T
+        height, width = self.piece.shape
+        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        return inside & self.piece[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+
+    def points(self) -> np.ndarray:
+        """Photo pixels [N, 2] at the middles of the piece's pixels."""
+        inner = np.argwhere(self.piece)[:, ::-1] + 0.5 - self.placement.offset[::-1]
+        return self.cut.to_photo(inner / self.placement.scale[::-1])
+
+
+def find(views: Views, predict: Predict, size: tuple[int, int]) -> list[Sight]:
+    """The leaves on a photo, largest first, as a mask network of input `size` (h, w) sees them from close up."""
+    whole = np.stack([np.zeros(2), views.size])
+    glimpsed = _pieces(views, predict, size, [whole], _GLIMPSED)
+    found = _distinct(_approached(views, predict, size, glimpsed, _NARROWEST * views.size.max()))
+    typical = float(np.median([sight.longest for sight in found])) if found else views.size.max() / 8
+    if typical < _SMALL * views.size.max():
+        tiles = list(_tiles(views.size, typical))[:_MOST]
+        glimpsed = [sight for sight in _pieces(views, predict, size, tiles, _GLIMPSED) if sight.within]
+        new = [sight for sight in glimpsed if not _shown(sight, found)]
+        seen = _approached(views, predict, size, new, _AROUND * typical)
+        smallest = _STRICTER * float(np.median([sight.area for sight in found or seen])) if seen else 0.0
+        found = _distinct(found + [sight for sight in seen if sight.area >= smallest])
+    return found
+
+
+def _tiles(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
+    """Overlapping squares over a photo of `size` (width, height) with leaves `leaf` pixels long."""
+    side = min(_TILE * leaf, float(size.min()))
+    steps = [max(1, int(np.ceil((length - side) / (_STRIDE * leaf))) + 1) for length in size]
+    for top in np.linspace(0, size[1] - side, steps[1]):
+        for left in np.linspace(0, size[0] - side, steps[0]):
+            yield np.array([[left, top], [left + side, top + side]])
+
+
+def _approached(
+    views: Views, predict: Predict, size: tuple[int, int], glimpsed: Sequence[Sight], narrowest: float
+) -> list[Sight]:
+    """Look at pieces closer and closer until each fills its view; the first view has `narrowest` pixels or more.
+
+    Of a small leaf a glance often shows but a part.
+    """
+    found: list[Sight] = []
+    tried: list[np.ndarray] = []
+    waiting = _unlike([sight.box for sight in glimpsed], tried)
+    for _ in range(_ROUNDS):
+        tried += waiting
+        following = []
+        squares = [_square(box, narrowest) for box in waiting]
+        narrowest = 0.0
+        for sight in _pieces(views, predict, size, squares, _SEEN):
+            if sight.fill < _SLIGHT:
+                continue
+            settled = any(_overlap(sight.box, box) > _ALIKE for box in tried)
+            if settled or (sight.within and _FILLS[0] <= sight.fill <= _FILLS[1]):
+                found.append(sight)
+            else:
+                following.append(sight.box)
+        waiting = _unlike(following, tried)
+    return found
+
+
+def _pieces(
+    views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], threshold: float
+) -> list[Sight]:
+    """The connected pieces above a threshold in a view of each box."""
+    if not boxes:
+        return []
+    cuts = [views.around(box, at_least=_COARSEST_PX, at_most=_SHARPEST_PX) for box in boxes]
+    fitted = [fit(cut.image, size) for cut in cuts]
+    seen = predict(np.stack([small for small, _ in fitted]))[..., 0]
+    found = []
+    for cut, probability, (_, placement) in zip(cuts, seen, fitted, strict=True):
+        above = (probability >= threshold).astype(np.uint8)
+        _, labels, statistics, _ = cv2.connectedComponentsWithStats(above)
+        for label in np.flatnonzero(statistics[:, cv2.CC_STAT_AREA] >= _SPECK):
+            if label > 0:
+                found.append(_sight(views, cut, probability, placement, labels == label))
+    return [sight for sight in found if (sight.box[1] > sight.box[0]).all()]
+
+
+def _sight(
+    views: Views, cut: Cut, probability: np.ndarray, placement: Placement, piece: np.ndarray
+) -> Sight:
+    left, top, width, height = cv2.boundingRect(piece.astype(np.uint8))
+    corners = np.array([[left, top], [left + width, top + height]]) - placement.offset[::-1]
+    end = np.array(cut.image.shape[1::-1])
+    pixel = 1 / np.array(placement.scale[::-1])
+    corners = np.clip(corners * pixel, 0, end)
+    touching = np.stack([corners[0] <= 1.01 * pixel, corners[1] >= end - 1.01 * pixel])
+    beyond = np.stack([cut.origin > 0.5, cut.to_photo(end) < views.size - 0.5])
+    return Sight(cut, probability, placement, piece, cut.to_photo(corners), not (touching & beyond).any())
+
+
+def _distinct(sights: Sequence[Sight]) -> list[Sight]:
+    """`sights`, the largest first, without those that are part of another and without crumbs."""
+    kept: list[Sight] = []
+    for sight in sorted(sights, key=lambda sight: -sight.area):
+        if (not kept or sight.area >= _LEAST * kept[0].area) and not _shown(sight, kept):
+            kept.append(sight)
+    return kept
+
+
+def _shown(sight: Sight, kept: Sequence[Sight]) -> bool:
+    """Whether a piece is for the most part one of `kept`."""
+    points = sight.points()
+    return any(other.holds(points).mean() > 0.4 for other in kept)
+
+
+def _unlike(boxes: Sequence[np.ndarray], tried: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """`boxes` that show neither the same as another of them nor as one of `tried`."""
+    kept: list[np.ndarray] = []
+    for box in boxes:
+        if all(_overlap(box, other) <= _ALIKE for other in [*tried, *kept]):
+            kept.append(box)
+    return kept[:_MOST]
+
+
+def _square(box: np.ndarray, narrowest: float) -> np.ndarray:
+    """The close view of what is in `box`, `narrowest` photo pixels wide or more."""
+    middle, side = box.mean(axis=0), max(narrowest, _ROOM * float((box[1] - box[0]).max()))
+    return np.stack([middle - side / 2, middle + side / 2])
+
+
+def _overlap(one: np.ndarray, other: np.ndarray) -> float:
+    """Intersection over union of two boxes."""
+    shared = np.clip(np.minimum(one[1], other[1]) - np.maximum(one[0], other[0]), 0, None).prod()
+    return float(shared / ((one[1] - one[0]).prod() + (other[1] - other[0]).prod() - shared))
