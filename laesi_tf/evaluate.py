@@ -69,7 +69,8 @@ def _tile(estimator: Estimator, score: Score) -> np.ndarray:
     image, mask = read(score.photo)
     measured = estimator.measure(image, known(score.photo))
     outlines = [] if mask is None else [(trace(mask), TRUE)]
-    outlines += [(leaf.outline, FOUND) for leaf in measured.leaves if leaf.outline is not None]
+    rings = [ring for leaf in measured.leaves for ring in (leaf.outline, *leaf.holes) if ring is not None]
+    outlines += [(ring, FOUND) for ring in rings]
     said = f"true {score.photo.area_cm2:.2f}"
     if score.predicted_cm2 is not None:
         said += f", predicted {score.predicted_cm2:.2f} cm² ({score.relative_error:+.1f} %)"

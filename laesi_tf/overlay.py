@@ -1,4 +1,4 @@
-"""Pictures for people: a photo with outlines drawn on it and a line of text below.
+"""Pictures for people: a photo with outlines and numbers drawn on it and lines of text below.
 
 Pictures are uint8 [H, W, 3] RGB throughout.
 """
@@ -44,6 +44,28 @@ def outlined(
         points = np.round(((outline + 0.5) * scale - 0.5) * 16).astype(np.int32)
         cv2.polylines(picture, [points], True, colour, max(1, side // 400), cv2.LINE_AA, shift=4)
     return picture
+
+
+def numbered(picture: np.ndarray, labels: Sequence[tuple[np.ndarray, str]]) -> np.ndarray:
+    """`picture` [H, W, 3] with short texts centred on points (x, y), readable on any ground.
+
+    The letters are a fiftieth of the longer side high.
+    """
+    size = max(10.0, max(picture.shape[:2]) / 50)
+    font = ImageFont.truetype(_FONT, size)
+    labelled = Image.fromarray(picture)
+    draw = ImageDraw.Draw(labelled)
+    for (x, y), text in labels:
+        draw.text(
+            (x, y),
+            text,
+            "white",
+            font,
+            anchor="mm",
+            stroke_width=max(1, round(size / 8)),
+            stroke_fill="black",
+        )
+    return np.asarray(labelled)
 
 
 def captioned(picture: np.ndarray, lines: Sequence[str]) -> np.ndarray:

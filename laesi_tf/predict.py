@@ -1,6 +1,11 @@
-"""Measure the leaves on photos: cm2 per photo, a CSV, and an overlay that shows what was found on each."""
+"""Measure the leaves on photos: cm2 per leaf, a CSV, and an overlay that shows what was found on each photo.
+
+Leaves are numbered in reading order, in the table as in the overlay. The area is flat and one-sided, holes
+subtracted, petiole included; the uncertainty is one standard deviation.
+"""
 
 import argparse
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,20 +18,33 @@ from laesi_tf.data.decoding import SUFFIXES, decode
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Estimator, Known, Leaf, Measurement, load_estimator
 from laesi_tf.files import require_writable, write_csv, write_json
-from laesi_tf.overlay import FOUND, SIDE, captioned, gridded, outlined, printable, write_png
+from laesi_tf.overlay import FOUND, SIDE, captioned, gridded, numbered, outlined, printable, write_png
 
 _OVERLAY = ".overlay.png"
-_COLUMNS = ("photo", "area_cm2", "px_per_mm", "method", "error")
+_FIGURES = ("area_cm2", "uncertainty_cm2", "px_per_mm", "length_mm", "width_mm", "perimeter_mm", "holes_cm2")
+_COLUMNS = ("photo", "leaf", *_FIGURES, "tilt_deg", "method", "refused", "note", "error")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One leaf, or one photo on which none was measured."""
+    """One leaf, or one photo on which none was measured; the figures are those of `Leaf`."""
 
     photo: str
+    leaf: int | None = None
+    """Number of the leaf on its photo, from 1 in reading order."""
     area_cm2: float | None = None
+    uncertainty_cm2: float | None = None
     px_per_mm: float | None = None
+    length_mm: float | None = None
+    width_mm: float | None = None
+    perimeter_mm: float | None = None
+    holes_cm2: float | None = None
+    tilt_deg: float | None = None
     method: str | None = None
+    refused: bool = False
+    """Whether the photo was read but the estimator would not measure it."""
+    note: str | None = None
+    """What to know before believing the area."""
     error: str | None = None
     """Why there is no area: the file is bad or the estimator refused."""
     overlay: str | None = None
@@ -142,36 +160,74 @@ def _overlay_names(photos: Sequence[Path]) -> dict[Path, str]:
 
 def _rows(photo: str, measurement: Measurement, overlay: str) -> list[Row]:
     if measurement.refusal is not None:
-        return [Row(photo=photo, method=measurement.method, error=measurement.refusal, overlay=overlay)]
+        error = measurement.refusal
+        return [Row(photo=photo, method=measurement.method, overlay=overlay, refused=True, error=error)]
     return [
         Row(
             photo=photo,
-            area_cm2=leaf.area_cm2,
-            px_per_mm=leaf.px_per_mm,
             method=measurement.method,
             overlay=overlay,
+            leaf=number,
+            tilt_deg=measurement.tilt_deg,
+            note="; ".join(filter(None, [leaf.note, measurement.note])) or None,
+            **{name: getattr(leaf, name) for name in _FIGURES},
         )
-        for leaf in measurement.leaves
+        for number, leaf in enumerate(measurement.leaves, 1)
     ]
 
 
 def _picture(image: np.ndarray, measurement: Measurement, name: str) -> np.ndarray:
-    outlines = [(leaf.outline, FOUND) for leaf in measurement.leaves if leaf.outline is not None]
-    areas = [_area(leaf) for leaf in measurement.leaves if leaf.area_cm2 is not None]
-    said = ", ".join(areas) if measurement.refusal is None else f"refused: {measurement.refusal}"
+    """The photo with lattice and numbered outlines on it and the figures below."""
     # A small photo is enlarged until the text beneath it can be read.
     side = min(SIDE, max(SIDE // 2, *image.shape[:2]))
+    scale = side / max(image.shape[:2])
+    picture = outlined(image, [], side=side)
     if measurement.to_mm is not None:
-        image = gridded(image, measurement.to_mm)
-    return captioned(
-        outlined(image, outlines, side=side), [said, f"{printable(name)}  ({measurement.method})"]
-    )
+        picture = gridded(picture, measurement.to_mm @ np.diag([1 / scale, 1 / scale, 1.0]))
+    rings = [ring for leaf in measurement.leaves for ring in (leaf.outline, *leaf.holes) if ring is not None]
+    picture = outlined(picture, [((ring + 0.5) * scale - 0.5, FOUND) for ring in rings], side=side)
+    if len(measurement.leaves) > 1:
+        picture = numbered(picture, _labels(measurement, scale))
+    return captioned(picture, [*_said(measurement), f"{printable(name)}  ({measurement.method})"])
 
 
-def _area(leaf: Leaf) -> str:
-    uncertainty = "" if leaf.uncertainty_cm2 is None else f" ± {leaf.uncertainty_cm2:.2f}"
-    scale = "" if leaf.px_per_mm is None else f" at {leaf.px_per_mm:.2f} px/mm"
-    return f"{leaf.area_cm2:.2f}{uncertainty} cm²{scale}"
+def _labels(measurement: Measurement, scale: float) -> list[tuple[np.ndarray, str]]:
+    """Number and area of each leaf, at the middle of its box in the overlay."""
+    labels = []
+    for number, leaf in enumerate(measurement.leaves, 1):
+        if leaf.outline is not None:
+            text = str(number) if leaf.area_cm2 is None else f"{number}: {leaf.area_cm2:.2f}"
+            labels.append(((leaf.outline.min(axis=0) + leaf.outline.max(axis=0)) / 2 * scale, text))
+    return labels
+
+
+def _said(measurement: Measurement) -> list[str]:
+    """The overlay's text on what was measured and whether to believe it."""
+    if measurement.refusal is not None:
+        return [f"refused: {measurement.refusal}"]
+    leaves = measurement.leaves
+    said = [_total(leaves)]
+    if scales := [leaf.px_per_mm for leaf in leaves if leaf.px_per_mm is not None]:
+        said.append(f"{np.mean(scales):.2f} px/mm")
+    if measurement.tilt_deg is not None:
+        said.append(f"tilt {measurement.tilt_deg:.0f}°")
+    if len(leaves) == 1 and leaves[0].length_mm is not None and leaves[0].width_mm is not None:
+        said.append(f"{leaves[0].length_mm:.1f} × {leaves[0].width_mm:.1f} mm")
+    notes = [measurement.note] if measurement.note else []
+    notes += [
+        f"leaf {number}: {leaf.note}" if len(leaves) > 1 else leaf.note
+        for number, leaf in enumerate(leaves, 1)
+        if leaf.note
+    ]
+    return [", ".join(said), *notes[:3]]
+
+
+def _total(leaves: Sequence[Leaf]) -> str:
+    """The area of all leaves together; what is wrong with one scale is wrong with all, so doubts add up."""
+    total = sum(leaf.area_cm2 or 0.0 for leaf in leaves)
+    doubt = sum(leaf.uncertainty_cm2 or math.nan for leaf in leaves)
+    said = f"{total:.2f} cm²" if math.isnan(doubt) else f"{total:.2f} ± {doubt:.2f} cm²"
+    return said if len(leaves) == 1 else f"{len(leaves)} leaves, {said}"
 
 
 def _record(row: Row) -> dict[str, object]:
@@ -179,17 +235,34 @@ def _record(row: Row) -> dict[str, object]:
 
 
 def _report(rows: Sequence[Row], table: Path) -> None:
-    """Print a line for each leaf or failure, and the totals."""
-    width = max(len(printable(row.photo)) for row in rows)
+    """Print a line for each photo, below it one for each leaf where it has several, and the totals."""
+    photos: dict[str, list[Row]] = {}
     for row in rows:
-        said = printable(row.error) if row.area_cm2 is None else f"{row.area_cm2:9.2f} cm2"
-        print(f"{printable(row.photo):<{width}}  {said}")
+        photos.setdefault(row.photo, []).append(row)
+    width = max(len(printable(photo)) for photo in photos)
+    for photo, leaves in photos.items():
+        print(f"{printable(photo):<{width}}  {_line(leaves)}")
+        if len(leaves) > 1:
+            for row in leaves:
+                print(f"{f'leaf {row.leaf}':>{width}}  {_line([row])}")
     skipped = sum(row.overlay is None for row in rows)
-    refused = sum(row.error is not None and row.overlay is not None for row in rows)
+    refused = sum(row.refused for row in rows)
     measured = sum(row.area_cm2 is not None for row in rows)
     print(
         f"leaves measured: {measured}, photos refused: {refused}, skipped: {skipped}; see {printable(table)}"
     )
+
+
+def _line(rows: Sequence[Row]) -> str:
+    """The area of `rows` together, or why there is none."""
+    if rows[0].area_cm2 is None:
+        return printable(rows[0].error)
+    said = f"{sum(row.area_cm2 or 0.0 for row in rows):9.2f} cm2"
+    doubt = sum(row.uncertainty_cm2 or math.nan for row in rows)
+    said += "" if math.isnan(doubt) else f" ± {doubt:.2f}"
+    if len(rows) > 1:
+        return f"{said}, {len(rows)} leaves"
+    return said if rows[0].note is None else f"{said}  ({rows[0].note})"
 
 
 if __name__ == "__main__":

@@ -92,6 +92,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, float | int | None]:
         "miou": _mean([score.iou for score in done]),
         "mpe": _mean([score.pixel_error for score in done]),
         "refused": sum(score.refusal is not None for score in done),
+        "refused_share": _mean([float(score.refusal is not None) for score in done]),
         "skipped": len(scores) - len(done),
     }
 

@@ -34,15 +34,28 @@ class Leaf:
     """Standard deviation of `area_cm2`."""
     px_per_mm: float | None = None
     """Scale at the leaf's centroid that the area rests on."""
+    length_mm: float | None = None
+    """Longest extent along the leaf's main axis, petiole included."""
+    width_mm: float | None = None
+    """Largest extent across the main axis."""
+    perimeter_mm: float | None = None
+    """Length of the outer margin."""
+    holes_cm2: float | None = None
+    """Area of the holes, which `area_cm2` leaves out."""
     outline: np.ndarray | None = None
     """[N, 2] outer contour as (x, y) in photo pixels, pixel centres at whole numbers."""
+    holes: tuple[np.ndarray, ...] = ()
+    """The contours of its holes in the same way."""
+    note: str | None = None
+    """What a user must know before believing the area: that the photo cuts the leaf off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:
     """What an estimator says about one photo: an area for each leaf, or a refusal and no area at all.
 
-    A refused measurement may still hold leaves, with outlines but no areas.
+    Leaves come in reading order, row by row. A refused measurement may still hold leaves, with outlines but
+    no areas.
     """
 
     method: str
@@ -52,6 +65,10 @@ class Measurement:
     """bool [H, W] at the photo's size, True on any leaf; None from an estimator that makes no masks."""
     to_mm: np.ndarray | None = None
     """Homography [3, 3] from photo pixels, their centres at halves, to mm on the sheet; None if not found."""
+    tilt_deg: float | None = None
+    """Angle between the camera's axis and the sheet's normal; None if not found."""
+    note: str | None = None
+    """What casts doubt on all areas: that the ruling was hard to read."""
     refusal: str | None = None
     """Why no area is given and what would help, or None."""
 
@@ -72,6 +89,21 @@ class Estimator(Protocol):
         image that cannot be measured is refused in the result, not by an exception.
         """
         ...
+
+
+def in_reading_order(boxes: np.ndarray) -> list[int]:
+    """Indices of `boxes` [N, 2, 2], (x, y) of their corners, row by row from the top, each from the left.
+
+    A box whose middle lies within the height of a row's first box belongs to that row.
+    """
+    waiting = sorted(range(len(boxes)), key=lambda index: float(boxes[index, :, 1].mean()))
+    order: list[int] = []
+    while waiting:
+        bottom = max(boxes[waiting[0], :, 1])
+        row = [index for index in waiting if boxes[index, :, 1].mean() <= bottom]
+        order += sorted(row, key=lambda index: float(boxes[index, :, 0].mean()))
+        waiting = [index for index in waiting if index not in row]
+    return order
 
 
 def trace(mask: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Find the leaves on a photo: a glance at the whole sheet, then a close look at whatever may be a leaf.
 
-The mask network was trained on pictures that a leaf fills to a third or more. In a photo of a whole sheet small
-leaves are smears that run into each other, but most are seen; so the look is repeated around each, closer and
-closer, until it fills its view as leaves do in training. Where the leaves turn out to be small, the sheet is
-gone over once more in tiles, for those that the glance missed.
+The mask network was trained on pictures that a leaf fills to a third or more. In a photo of a whole sheet
+small leaves are smears that run into each other, but most are seen; so the look is repeated around each,
+closer and closer, until it fills its view as leaves do in training. Where the leaves turn out to be small,
+the sheet is gone over once more in tiles, for those that the glance missed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -38,10 +38,12 @@ _SMALL, _TILE, _STRIDE = 0.16, 2.6, 1.5
 """Leaves of less than this share of the photo are sought in tiles as wide as so many leaves, so far apart: of
 several small leaves in one view the network overlooks some."""
 _LEAST = 0.03
-"""Share of the largest leaf's area below which a piece is a crumb: on fresh scenes all such pieces were ends of
-petioles, gaps in leaves or print, while on sheets of seedlings the smallest leaf has a sixth of the largest."""
+"""Share of the largest leaf's area below which a piece is a crumb: on fresh scenes all such pieces were ends
+of petioles, gaps in leaves or print, while on sheets of seedlings the smallest leaf has a sixth of the
+largest."""
 _STRICTER = 0.2
-"""The same in tiles, against the leaves' median: punch holes and pen strokes come close to small leaves there."""
+"""The same in tiles, against the leaves' median: punch holes and pen strokes come close to small leaves
+there."""
 _COARSEST_PX, _SHARPEST_PX = 448, 1024
 """Longer side of a view: at least twice the network's where the photo has it, at most what margins need."""
 
@@ -107,14 +109,15 @@ class Sight:
 
 
 def find(views: Views, predict: Predict, size: tuple[int, int]) -> list[Sight]:
-    """The leaves on a photo, largest first, as a mask network of input `size` (h, w) sees them from close up."""
-    whole = np.stack([np.zeros(2), views.size])
-    glimpsed = _pieces(views, predict, size, [whole], _GLIMPSED)
+    """The leaves on a photo, largest first, as a mask network of input `size` (h, w) sees them."""
+    small, placement = views.fitted(size)
+    glance = predict(small[np.newaxis])[0, ..., 0]
+    glimpsed = _pieces(views, views.whole, glance, placement, _GLIMPSED)
     found = _distinct(_approached(views, predict, size, glimpsed, _NARROWEST * views.size.max()))
     typical = float(np.median([sight.longest for sight in found])) if found else views.size.max() / 8
     if typical < _SMALL * views.size.max():
         tiles = list(_tiles(views.size, typical))[:_MOST]
-        glimpsed = [sight for sight in _pieces(views, predict, size, tiles, _GLIMPSED) if sight.within]
+        glimpsed = [sight for sight in _looked(views, predict, size, tiles, _GLIMPSED) if sight.within]
         new = [sight for sight in glimpsed if not _shown(sight, found)]
         seen = _approached(views, predict, size, new, _AROUND * typical)
         smallest = _STRICTER * float(np.median([sight.area for sight in found or seen])) if seen else 0.0
@@ -134,9 +137,9 @@ def _tiles(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
 def _approached(
     views: Views, predict: Predict, size: tuple[int, int], glimpsed: Sequence[Sight], narrowest: float
 ) -> list[Sight]:
-    """Look at pieces closer and closer until each fills its view; the first view has `narrowest` pixels or more.
+    """Look at pieces closer and closer until each fills its view.
 
-    Of a small leaf a glance often shows but a part.
+    First views have `narrowest` photo pixels or more: of a small leaf a glance often shows but a part.
     """
     found: list[Sight] = []
     tried: list[np.ndarray] = []
@@ -146,7 +149,7 @@ def _approached(
         following = []
         squares = [_square(box, narrowest) for box in waiting]
         narrowest = 0.0
-        for sight in _pieces(views, predict, size, squares, _SEEN):
+        for sight in _looked(views, predict, size, squares, _SEEN):
             if sight.fill < _SLIGHT:
                 continue
             settled = any(_overlap(sight.box, box) > _ALIKE for box in tried)
@@ -158,28 +161,36 @@ def _approached(
     return found
 
 
-def _pieces(
+def _looked(
     views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], threshold: float
 ) -> list[Sight]:
-    """The connected pieces above a threshold in a view of each box."""
+    """The pieces above a threshold in a view of each box."""
     if not boxes:
         return []
     cuts = [views.around(box, at_least=_COARSEST_PX, at_most=_SHARPEST_PX) for box in boxes]
     fitted = [fit(cut.image, size) for cut in cuts]
     seen = predict(np.stack([small for small, _ in fitted]))[..., 0]
-    found = []
-    for cut, probability, (_, placement) in zip(cuts, seen, fitted, strict=True):
-        above = (probability >= threshold).astype(np.uint8)
-        _, labels, statistics, _ = cv2.connectedComponentsWithStats(above)
-        for label in np.flatnonzero(statistics[:, cv2.CC_STAT_AREA] >= _SPECK):
-            if label > 0:
-                found.append(_sight(views, cut, probability, placement, labels == label))
+    looks = zip(cuts, seen, fitted, strict=True)
+    return [
+        sight
+        for cut, probability, (_, placement) in looks
+        for sight in _pieces(views, cut, probability, placement, threshold)
+    ]
+
+
+def _pieces(
+    views: Views, cut: Cut, probability: np.ndarray, placement: Placement, threshold: float
+) -> list[Sight]:
+    """The connected pieces above a threshold in one view."""
+    above = (probability >= threshold).astype(np.uint8)
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(above)
+    large = np.flatnonzero(statistics[:, cv2.CC_STAT_AREA] >= _SPECK)
+    found = [_sight(views, cut, probability, placement, labels == label) for label in large if label > 0]
+    # In the filling around a photo of another shape there is nothing.
     return [sight for sight in found if (sight.box[1] > sight.box[0]).all()]
 
 
-def _sight(
-    views: Views, cut: Cut, probability: np.ndarray, placement: Placement, piece: np.ndarray
-) -> Sight:
+def _sight(views: Views, cut: Cut, probability: np.ndarray, placement: Placement, piece: np.ndarray) -> Sight:
     left, top, width, height = cv2.boundingRect(piece.astype(np.uint8))
     corners = np.array([[left, top], [left + width, top + height]]) - placement.offset[::-1]
     end = np.array(cut.image.shape[1::-1])

@@ -1,9 +1,10 @@
-"""The margin of a leaf at a photo's own resolution, where the network that found the leaf sees but a few pixels.
+"""The margin of a leaf at a photo's own resolution; the network that found the leaf sees few pixels of it.
 
 Inside a band about the network's outline each pixel is decided by its colour and by the network together: the
-log-odds of the colour, from a linear discriminant between leaf and paper, are added to the network's own. Where
-the two colours hardly differ the first are near zero and the outline stays the network's. Beyond the band thin
-leaf-coloured pieces that hang on the leaf are followed: petioles, which the network is too coarse for.
+log-odds of the colour, from a linear discriminant between leaf and paper, are added to the network's own.
+Where the two colours hardly differ the first are near zero and the outline stays the network's. Beyond the
+band thin leaf-coloured pieces that hang on the leaf are followed: petioles, which the network is too coarse
+for.
 """
 
 from dataclasses import dataclass
@@ -14,10 +15,11 @@ import numpy as np
 _BAND = 3.0
 """Half the width of the band, in pixels of the network."""
 _SURE, _FAINT = 0.9, 0.1
-"""Probability above which a pixel's colour stands for the leaf, and above which it cannot stand for the paper."""
+"""Probability above which a pixel's colour stands for the leaf, and above which it cannot stand for the
+paper."""
 _INSIDE, _BESIDE, _NEAR = 1.5, 1.0, 2.0
-"""Distances in pixels of the network: of leaf samples from the outline; of paper samples from it; and how much
-further the paper reaches whose local colour counts, close by as it lies in the leaf's own shadow."""
+"""Distances in pixels of the network: of leaf samples from the outline; of paper samples from it; and how
+much further the paper reaches whose local colour counts, close by as it lies in the leaf's own shadow."""
 _RING = 0.2
 """Width of the ring of paper that the discriminant learns from, in units of the leaf's size."""
 _SHADES = 1.0, 0.7, 0.45
@@ -73,7 +75,7 @@ def silhouette(
 def _colour_odds(
     image: np.ndarray, probability: np.ndarray, coarseness: float, others: np.ndarray | None
 ) -> np.ndarray | None:
-    """Log-odds, float32 [h, w], that a pixel is leaf and not paper by its colour; None with too few of either."""
+    """Log-odds, float32 [h, w], that a pixel is leaf by its colour; None with too little of leaf or paper."""
     stride = max(1, int(coarseness // 2))
     every = (slice(stride // 2, None, stride),) * 2
     colours, unit = image[every].astype(np.float32), coarseness / stride
@@ -119,7 +121,7 @@ def _discriminant(leaf: np.ndarray, paper: np.ndarray) -> np.ndarray:
 
 
 def _local(values: np.ndarray, where: np.ndarray, window: int) -> np.ndarray:
-    """Mean of `values` [h, w] over the pixels `where` in a window about each; their global mean where none is."""
+    """Mean of `values` [h, w] over pixels `where` in a window about each; over all of them where none is."""
     weight = where.astype(np.float32)
     count = cv2.blur(weight, (window, window)) + 0.02
     return (cv2.blur(values * weight, (window, window)) + 0.02 * float(values[where].mean())) / count
@@ -134,13 +136,18 @@ def _with_petiole(
     followed = leaf | ((odds > _LEAF_COLOURED) & (distance > 0) & (distance <= reach))
     sturdy = cv2.morphologyEx(followed.astype(np.uint8), cv2.MORPH_OPEN, _disc(_SPUR * coarseness)) > 0
     mask = (core & leaf) | sturdy
-    beyond = (mask & ~leaf).astype(np.uint8)
     thickest = max(1.5, _THICKEST / 2 * float(np.sqrt(np.count_nonzero(core))))
-    mask &= cv2.morphologyEx(beyond, cv2.MORPH_OPEN, _disc(thickest)) == 0
+    mask &= ~_thick(mask & ~leaf, thickest)
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
     mine = np.bincount(labels[core & mask], minlength=2)
     mine[0] = 0
     return (labels == mine.argmax()) & mask
+
+
+def _thick(mask: np.ndarray, radius: float) -> np.ndarray:
+    """The parts of `mask`, bool [h, w], that a disc of `radius` pixels fits into."""
+    middles = _distance(mask) > radius
+    return _distance(~middles) <= radius if middles.any() else middles
 
 
 def _logit(probability: np.ndarray) -> np.ndarray:

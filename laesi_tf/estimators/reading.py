@@ -1,23 +1,37 @@
-"""Area as the leaf's silhouette times the scale that is printed on the paper.
+"""Area as each leaf's silhouette times the scale that is printed on the paper.
 
-A network outlines the leaf, the ruling says how many mm2 each of its pixels covers, tilt included. Where no
-ruling can be read, the regression's area stands in and the method says so.
+A network finds the leaves, the ruling says how many mm2 each of their pixels covers, tilt included. Where no
+ruling can be read, the area network stands in and the method says so.
 """
 
+import dataclasses
 import math
 
-import cv2
 import numpy as np
 
-from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement, trace
-from laesi_tf.estimators.regression import Regression
+from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
+from laesi_tf.estimators.regression import Guess, Regression
 from laesi_tf.estimators.ruling import Ruling, read_ruling
-from laesi_tf.estimators.segmentation import NO_LEAF, Segmentation
+from laesi_tf.estimators.segmentation import NO_LEAF, Outline, Segmentation, filled
+from laesi_tf.estimators.shape import px_per_mm
+from laesi_tf.estimators.views import Views
 
 METHOD = "ruling x silhouette"
 FALLBACK = "regression, no ruling read"
-_MARGIN_PX = 0.2
-"""Standard deviation of the outline's place, in pixels of the network that finds it: seen on fresh scenes."""
+FALLBACK_SCALE = "silhouette x scale of the area model, no ruling read"
+FAINT = "the ruling was hard to read: look whether the lattice lies on it"
+_CONFIDENT = 0.5
+"""Confidence of the ruling below which the user is told to look."""
+_LIFT_MM, _LIFT_SPREAD_MM = 0.2, 0.3
+"""A leaf's upper side is above its paper: by its thickness, about 0.2 mm of a fresh leaf that lies flat, and
+by what it rises between the points where it touches, of which no photo tells."""
+_FOCAL = 0.75
+"""Focal length of a phone's main camera in units of its picture's longer side: 26-27 mm on film 36 mm
+wide."""
+_SCALE_FLOOR = 0.0008
+"""Relative standard deviation of the scale that stays with the clearest ruling."""
+_GUESSED = 0.09
+"""Relative standard deviation of the area model: two thirds of semi-real photographs are within it."""
 
 
 class Reading:
@@ -29,48 +43,69 @@ class Reading:
 
     def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
         """As `Estimator.measure`; `known.grid_mm` is used, a known scale is not: the paper tells it."""
-        mask = self._segmentation.silhouette(image)
-        if not mask.any():
+        views = Views(image)
+        outlines = self._segmentation.outlines(views)
+        mask = filled(outlines, views.photo)
+        if not outlines:
             return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
         # The network learned its scale on millimetre paper; other paper would mislead it.
         adviser = self._regression if known.grid_mm == 1 else None
-        about = None if adviser is None else adviser.px_per_mm(image)
-        ruling = read_ruling(image, leaf=mask, grid_mm=known.grid_mm, about=about)
+        guess = None if adviser is None else adviser.guess(views)
+        ruling = _ruling(views, outlines, known.grid_mm, None if guess is None else guess.px_per_mm)
         if ruling is None:
-            return self._without_ruling(image, mask, adviser)
-        outline = trace(mask)
-        area, middle = _area_cm2(mask, ruling)
-        scale = ruling.px_per_mm(middle)
-        leaf = Leaf(
-            area_cm2=area,
-            uncertainty_cm2=_uncertainty(
-                area, outline, scale, ruling, max(mask.shape) / self._segmentation.side
-            ),
-            px_per_mm=scale,
-            outline=outline,
+            return _without_ruling(outlines, mask, guess)
+        to_mm = ruling.forward @ np.diag([*(1 / views.whole.step), 1.0])
+        return Measurement(
+            method=METHOD,
+            leaves=tuple(_leaf(outline, to_mm, ruling, views) for outline in outlines),
+            mask=mask,
+            to_mm=to_mm,
+            tilt_deg=ruling.tilt_deg,
+            note=FAINT if ruling.confidence < _CONFIDENT else None,
         )
-        return Measurement(method=METHOD, leaves=(leaf,), mask=mask, to_mm=ruling.forward)
-
-    def _without_ruling(self, image: np.ndarray, mask: np.ndarray, adviser: Regression | None) -> Measurement:
-        if adviser is None:
-            refusal = "no ruling can be read; show bare, sharp paper around the leaf, or add an area model"
-            leaf = Leaf(outline=trace(mask))
-            return Measurement(method=METHOD, leaves=(leaf,), mask=mask, refusal=refusal)
-        measured = adviser.measure(image)
-        leaves = tuple(Leaf(area_cm2=leaf.area_cm2, outline=trace(mask)) for leaf in measured.leaves)
-        return Measurement(method=FALLBACK, leaves=leaves, mask=mask, refusal=measured.refusal)
 
 
-def _area_cm2(mask: np.ndarray, ruling: Ruling) -> tuple[float, np.ndarray]:
-    """Area under `mask` [H, W] and the middle [2] of its pixels."""
-    rows, columns = np.nonzero(mask)
-    points = np.stack([columns, rows], axis=1) + 0.5
-    return float(ruling.mm2_per_px(points).sum() / 100), points.mean(axis=0)
+def _ruling(views: Views, outlines: list[Outline], grid_mm: float, about: float | None) -> Ruling | None:
+    """The ruling in the pixels of the shrunk photo."""
+    whole = views.whole
+    return read_ruling(
+        whole.image,
+        leaf=filled(outlines, whole),
+        grid_mm=grid_mm,
+        about=None if about is None else about / float(whole.step[0]),
+    )
 
 
-def _uncertainty(area: float, outline: np.ndarray, scale: float, ruling: Ruling, shrink: float) -> float:
-    """Standard deviation of the area, cm2, from the outline's place and the scale's spread over patches."""
-    length_mm = cv2.arcLength(outline.astype(np.float32), closed=True) / scale
-    of_margin = length_mm * _MARGIN_PX * shrink / scale / 100
-    of_scale = 2 * area * ruling.spread / math.sqrt(max(ruling.inliers, 1))
-    return math.hypot(of_margin, of_scale)
+def _leaf(outline: Outline, to_mm: np.ndarray, ruling: Ruling, views: Views) -> Leaf:
+    """The leaf through the ruling's homography, brought down from its height above the paper."""
+    leaf = outline.leaf(to_mm)
+    assert leaf.area_cm2 is not None and leaf.uncertainty_cm2 is not None
+    distance = _FOCAL * float(views.size.max()) / px_per_mm(to_mm, views.size / 2)
+    shrink = max(0.0, 1 - _LIFT_MM / distance)
+    area = leaf.area_cm2 * shrink**2
+    of_scale = max(ruling.spread / math.sqrt(max(ruling.inliers, 1)), _SCALE_FLOOR)
+    of_lift = _LIFT_SPREAD_MM / distance
+    return dataclasses.replace(
+        leaf,
+        area_cm2=area,
+        uncertainty_cm2=math.hypot(leaf.uncertainty_cm2, 2 * area * of_scale, 2 * area * of_lift),
+    )
+
+
+def _without_ruling(outlines: list[Outline], mask: np.ndarray, guess: Guess | None) -> Measurement:
+    """The area network's idea of one leaf; of several its scale, as it knows pictures of one leaf only."""
+    several = len(outlines) > 1
+    if guess is None or not math.isfinite(guess.area_cm2) or (several and guess.px_per_mm is None):
+        refusal = "no ruling can be read; show bare, sharp paper around the leaf, or add an area model"
+        leaves = tuple(Leaf(**outline.drawn()) for outline in outlines)
+        return Measurement(method=METHOD, leaves=leaves, mask=mask, refusal=refusal)
+    if not several:
+        uncertainty = _GUESSED * guess.area_cm2
+        leaf = Leaf(area_cm2=guess.area_cm2, uncertainty_cm2=uncertainty, **outlines[0].drawn())
+        return Measurement(method=FALLBACK, leaves=(leaf,), mask=mask)
+    assert guess.px_per_mm is not None
+    leaves = tuple(outline.leaf(np.diag([1.0, 1.0, guess.px_per_mm])) for outline in outlines)
+    rough = tuple(
+        dataclasses.replace(leaf, uncertainty_cm2=_GUESSED * (leaf.area_cm2 or 0.0)) for leaf in leaves
+    )
+    return Measurement(method=FALLBACK_SCALE, leaves=rough, mask=mask)

@@ -1,85 +1,130 @@
-"""Area as the leaf's silhouette times a scale that is given: a network finds the silhouette."""
+"""Area as each leaf's silhouette times a scale that is given: a network finds the silhouettes."""
+
+from dataclasses import dataclass
 
 import cv2
 import keras
 import numpy as np
 
-from laesi_tf.data.fitting import fit
-from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement, trace
+from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement, in_reading_order
+from laesi_tf.estimators.finding import Sight, find
+from laesi_tf.estimators.margin import silhouette
 from laesi_tf.estimators.network import compiled
+from laesi_tf.estimators.shape import centroid, mapped, polygons, px_per_mm, shape
+from laesi_tf.estimators.views import Cut, Views
 
 METHOD = "mask x given scale"
-_ROOM = 1.3
-"""Side of the close view in units of the leaf's longer side."""
-_WORTHWHILE = 1.2
-"""A close view must enlarge the leaf at least this much."""
 NO_LEAF = "no leaf found; show one whole leaf on the paper"
+CUT_OFF = "cut off by the photo's border: at least this much"
+_BORDER_PX = 1.5
+"""A leaf that comes this close to the photo's border is taken to go on beyond it."""
+_LEAST_PX = 50.0
+"""Photo pixels of which nothing can be told."""
+_DOUBT, _MARGIN_PX = 0.5, 0.1
+"""Standard deviation of a silhouette's area in units of its doubtful pixels: measured on fresh scenes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A leaf's silhouette in photo pixels, their centres at halves."""
+
+    cut: Cut
+    mask: np.ndarray
+    """bool [h, w], the leaf in the cut."""
+    margin: np.ndarray
+    """[N, 2] outer contour."""
+    holes: tuple[np.ndarray, ...]
+    doubt_px: float
+    """Standard deviation of the area in photo pixels."""
+    cut_off: bool
+    """Whether it reaches the photo's border."""
+
+    def leaf(self, to_mm: np.ndarray) -> Leaf:
+        """The leaf measured through a homography [3, 3] from photo pixels to mm."""
+        outer = mapped(to_mm, self.margin)
+        found = shape(outer, tuple(mapped(to_mm, hole) for hole in self.holes))
+        scale = px_per_mm(to_mm, centroid(self.margin))
+        return Leaf(
+            area_cm2=found.area / 100,
+            uncertainty_cm2=self.doubt_px / scale**2 / 100,
+            px_per_mm=scale,
+            length_mm=found.length,
+            width_mm=found.width,
+            perimeter_mm=found.perimeter,
+            holes_cm2=found.holes / 100,
+            **self.drawn(),
+        )
+
+    def drawn(self) -> dict:
+        """What is known of the leaf without a scale: fields of `Leaf`."""
+        return {
+            "outline": self.margin - 0.5,
+            "holes": tuple(hole - 0.5 for hole in self.holes),
+            "note": CUT_OFF if self.cut_off else None,
+        }
 
 
 class Segmentation:
-    """The mask network of a run; it finds no scale itself and refuses the area when none is given.
-
-    One leaf is measured, the largest: on real photos the network also marks specks of soil and print.
-    """
+    """The mask network of a run; it finds no scale itself and refuses the areas when none is given."""
 
     def __init__(self, model: keras.Model, size: tuple[int, int]) -> None:
         """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1]; `size` is (h, w)."""
         self._size = size
-        self.side = max(size)
         self._predict = compiled(model, size)
 
     def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
-        """As `Estimator.measure`; mask and outline are given even where the area is refused."""
-        mask = self.silhouette(image)
-        if not mask.any():
+        """As `Estimator.measure`; mask and outlines are given even where the areas are refused."""
+        views = Views(image)
+        outlines = self.outlines(views)
+        mask = filled(outlines, views.photo)
+        if not outlines:
             return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
-        area = None if known.px_per_mm is None else float(mask.sum()) / known.px_per_mm**2 / 100
-        leaf = Leaf(area_cm2=area, px_per_mm=known.px_per_mm, outline=trace(mask))
-        refusal = "the scale is not known; give px_per_mm or use an area model" if area is None else None
-        return Measurement(method=METHOD, leaves=(leaf,), mask=mask, refusal=refusal)
+        if known.px_per_mm is None:
+            leaves = tuple(Leaf(**outline.drawn()) for outline in outlines)
+            refusal = "the scale is not known; give px_per_mm or use an area model"
+            return Measurement(method=METHOD, leaves=leaves, mask=mask, refusal=refusal)
+        to_mm = np.diag([1.0, 1.0, known.px_per_mm])
+        leaves = tuple(outline.leaf(to_mm) for outline in outlines)
+        return Measurement(method=METHOD, leaves=leaves, mask=mask)
 
-    def silhouette(self, image: np.ndarray) -> np.ndarray:
-        """bool [H, W], True on the largest leaf of `image`, uint8 [H, W, 3]; all False where none is.
-
-        A leaf that is small in the photo is looked at twice, the second time as close as scenes are trained.
-        """
-        mask = self._find(image)
-        close = _around(mask)
-        if close is None:
-            return mask
-        closer = self._find(image[close])
-        if not closer.any():
-            return mask
-        result = np.zeros_like(mask)
-        result[close] = closer
-        return result
-
-    def _find(self, image: np.ndarray) -> np.ndarray:
-        small, placement = fit(image, self._size)
-        probability = self._predict(small)[:, :, 0]
-        # Upsampled before the threshold, the margin follows the probabilities and shows no steps.
-        return placement.to_photo(_largest(probability)) >= 0.5
+    def outlines(self, views: Views) -> list[Outline]:
+        """The leaves on a photo in reading order."""
+        found = [_outline(sight, views.size) for sight in find(views, self._predict, self._size)]
+        outlines = [outline for outline in found if shape(outline.margin, outline.holes).area >= _LEAST_PX]
+        boxes = np.array([[one.margin.min(axis=0), one.margin.max(axis=0)] for one in outlines])
+        return [outlines[index] for index in in_reading_order(boxes.reshape(-1, 2, 2))]
 
 
-def _around(mask: np.ndarray) -> tuple[slice, slice] | None:
-    """The square that holds the leaf of `mask` with room around it; None where that would bring little."""
-    if not mask.any():
-        return None
-    spans = [np.flatnonzero(mask.any(axis=axis))[[0, -1]] for axis in (1, 0)]
-    side = round(_ROOM * max(high - low + 1 for low, high in spans))
-    if side * _WORTHWHILE > max(mask.shape):
-        return None
-    corners = [(low + high - side) // 2 for low, high in spans]
-    rows, columns = (slice(max(corner, 0), corner + side) for corner in corners)
-    return rows, columns
+def filled(outlines: list[Outline], onto: Cut) -> np.ndarray:
+    """bool [H, W], True on the leaves in a cut of the photo."""
+    mask = np.zeros(onto.image.shape[:2], bool)
+    for outline in outlines:
+        height, width = outline.mask.shape
+        ends = onto.of_photo(outline.cut.to_photo(np.array([[0, 0], [width, height]])))
+        (left, top), (right, bottom) = np.round(ends).astype(int)
+        size = max(1, right - left), max(1, bottom - top)
+        region = mask[top : top + size[1], left : left + size[0]]
+        # Halfway between leaf and no leaf, so that the margin moves to neither side.
+        grown = cv2.resize(outline.mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_LINEAR)
+        region |= grown[: region.shape[0], : region.shape[1]] >= 128
+    return mask
 
 
-def _largest(probability: np.ndarray) -> np.ndarray:
-    """`probability` [h, w] with all but the largest connected piece above one half set to zero."""
-    count, labels, statistics, _ = cv2.connectedComponentsWithStats((probability >= 0.5).astype(np.uint8))
-    if count <= 2:
-        return probability
-    largest = 1 + int(np.argmax(statistics[1:, cv2.CC_STAT_AREA]))
-    # A pixel of slope is left around the piece, for the upsampling.
-    near = cv2.dilate((labels == largest).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
-    return np.where(near & ((labels == largest) | (labels == 0)), probability, 0)
+def _outline(sight: Sight, size: np.ndarray) -> Outline:
+    cut, placement = sight.cut, sight.placement
+    others = placement.to_photo(sight.neighbours().astype(np.float32)) >= 0.5
+    probability = placement.to_photo(sight.alone())
+    found = silhouette(cut.image, probability, 1 / min(placement.scale), others)
+    margin, holes = polygons(found.mask)
+    # The margin's place, as a whole, and what the colours leave in doubt.
+    doubt = np.hypot(_DOUBT * found.doubt_px, _MARGIN_PX * shape(margin, ()).perimeter)
+    margin = cut.to_photo(margin)
+    near = (margin <= _BORDER_PX * cut.step).any() or (margin >= size - _BORDER_PX * cut.step).any()
+    return Outline(
+        cut=cut,
+        mask=found.mask,
+        margin=np.clip(margin, 0.5, size - 0.5),
+        holes=tuple(cut.to_photo(hole) for hole in holes),
+        doubt_px=float(doubt * cut.step.prod()),
+        cut_off=bool(near),
+    )

@@ -1,7 +1,8 @@
 """A photo seen whole and from close up: cuts of it at no more pixels than are looked at.
 
 The photo is shrunk once. A part is cut from that picture where it shows the part large enough, and from the
-photo itself where it does not, so that no operation ever runs over 12 megapixels but the one that shrinks them.
+photo itself where it does not, so that no operation ever runs over 12 megapixels but the one that shrinks
+them.
 """
 
 from dataclasses import dataclass
@@ -9,8 +10,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from laesi_tf.data.fitting import Placement, fit
+
 LONGEST = 1536
-"""Longer side of the picture that stands for the whole photo: 1 mm is at least 5 pixels in views up to 30 cm."""
+"""Longer side of the picture that stands for the whole photo: 1 mm is at least 5 pixels in views up to 30
+cm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +29,7 @@ class Cut:
     step: np.ndarray
 
     def to_photo(self, points: np.ndarray) -> np.ndarray:
-        """Photo pixels of `points` [..., 2], (x, y) in pixels of the cut; both with pixel centres at halves."""
+        """Photo pixels of `points` [..., 2], (x, y) in pixels of the cut, pixel centres at halves."""
         return points * self.step + self.origin
 
     def of_photo(self, points: np.ndarray) -> np.ndarray:
@@ -40,11 +44,18 @@ class Views:
         """Take a photo, uint8 [H, W, 3]."""
         self.photo = Cut(photo, np.zeros(2), np.ones(2))
         self.whole = shrunk(self.photo, LONGEST)
+        self._fitted: dict[tuple[int, int], tuple[np.ndarray, Placement]] = {}
 
     @property
     def size(self) -> np.ndarray:
         """Width and height of the photo."""
         return np.array(self.photo.image.shape[1::-1])
+
+    def fitted(self, size: tuple[int, int]) -> tuple[np.ndarray, Placement]:
+        """`whole` in a network's input of `size` (h, w) by `fit`, once for all networks of a size."""
+        if size not in self._fitted:
+            self._fitted[size] = fit(self.whole.image, size)
+        return self._fitted[size]
 
     def around(self, box: np.ndarray, *, at_least: int, at_most: int) -> Cut:
         """The part of the photo within `box` [[left, top], [right, bottom]], photo pixels.
