@@ -28,10 +28,12 @@ _SLIGHT = 0.15
 """A piece that fills less of a close view is no business of that view."""
 _NARROWEST, _AROUND = 0.1, 1.3
 """First views span at least this share of the photo after a glance, and so many leaves after tiles."""
+_FURTHER, _SAME = 2.0, 0.6
+"""Side of the view that confirms a leaf in units of its length, and the overlap of both boxes that does."""
 _ALIKE = 0.7
 """Boxes whose intersection over union exceeds this show the same."""
-_ROUNDS, _MOST = 4, 160
-"""Looks at one place, and places looked at in one round."""
+_GLANCES, _ROUNDS, _MOST = 4, 5, 160
+"""Glances at the whole photo, looks at one place, and places looked at in one round."""
 _SPECK = 6
 """Pieces of fewer pixels of the network are nothing."""
 _SMALL, _TILE, _STRIDE = 0.16, 2.6, 1.5
@@ -110,19 +112,59 @@ class Sight:
 
 def find(views: Views, predict: Predict, size: tuple[int, int]) -> list[Sight]:
     """The leaves on a photo, largest first, as a mask network of input `size` (h, w) sees them."""
+    found: list[Sight] = []
     small, placement = views.fitted(size)
-    glance = predict(small[np.newaxis])[0, ..., 0]
-    glimpsed = _pieces(views, views.whole, glance, placement, _GLIMPSED)
-    found = _distinct(_approached(views, predict, size, glimpsed, _NARROWEST * views.size.max()))
+    for _ in range(_GLANCES):
+        # The network attends to what stands out: leaves that were found are covered, and it looks again.
+        glance = predict(_covered(views, small, placement, found)[np.newaxis])[0, ..., 0]
+        glimpsed = _new(_pieces(views, views.whole, glance, placement, _GLIMPSED), found)
+        more = _approached(views, predict, size, glimpsed, _NARROWEST * views.size.max())
+        before = len(found)
+        found = _distinct(found + (_alike_in_area(more, found) if found else more))
+        if len(found) == before:
+            break
     typical = float(np.median([sight.longest for sight in found])) if found else views.size.max() / 8
     if typical < _SMALL * views.size.max():
         tiles = list(_tiles(views.size, typical))[:_MOST]
         glimpsed = [sight for sight in _looked(views, predict, size, tiles, _GLIMPSED) if sight.within]
-        new = [sight for sight in glimpsed if not _shown(sight, found)]
-        seen = _approached(views, predict, size, new, _AROUND * typical)
-        smallest = _STRICTER * float(np.median([sight.area for sight in found or seen])) if seen else 0.0
-        found = _distinct(found + [sight for sight in seen if sight.area >= smallest])
-    return found
+        more = _approached(views, predict, size, _new(glimpsed, found), _AROUND * typical)
+        found = _distinct(found + _alike_in_area(more, found))
+    return found[:1] + _confirmed(views, predict, size, found[1:])
+
+
+def _new(glimpsed: Sequence[Sight], found: Sequence[Sight]) -> list[Sight]:
+    return [sight for sight in glimpsed if not _shown(sight, found)]
+
+
+def _alike_in_area(sights: Sequence[Sight], found: Sequence[Sight]) -> list[Sight]:
+    """Those of `sights` that are not much smaller than the leaves found before."""
+    areas = [sight.area for sight in found or sights]
+    return [sight for sight in sights if sight.area >= _STRICTER * float(np.median(areas))]
+
+
+def _confirmed(views: Views, predict: Predict, size: tuple[int, int], sights: Sequence[Sight]) -> list[Sight]:
+    """Those of `sights` that look alike from further away: pens and print change with the view, leaves do not."""
+    confirmed = []
+    for first in range(0, len(sights), _MOST):
+        part = sights[first : first + _MOST]
+        boxes = [_square(sight.box, _FURTHER * sight.longest) for sight in part]
+        again = _looked(views, predict, size, boxes, _SEEN)
+        confirmed += [sight for sight in part if any(_overlap(sight.box, one.box) > _SAME for one in again)]
+    return confirmed
+
+
+def _covered(views: Views, small: np.ndarray, placement: Placement, sights: Sequence[Sight]) -> np.ndarray:
+    """`small`, the whole photo in uint8 [h, w, 3], with each leaf painted over in the colour around it."""
+    picture = small.copy()
+    for sight in sights:
+        inner = views.whole.of_photo(sight.points()) * placement.scale[::-1] + placement.offset[::-1]
+        column, row = np.clip(np.floor(inner).astype(int), 0, np.array(small.shape[1::-1]) - 1).T
+        leaf = np.zeros(small.shape[:2], np.uint8)
+        leaf[row, column] = 1
+        leaf = cv2.dilate(leaf, np.ones((5, 5), np.uint8))
+        ring = (cv2.dilate(leaf, np.ones((7, 7), np.uint8)) > 0) & (leaf == 0)
+        picture[leaf > 0] = np.median(small[ring], axis=0) if ring.any() else 0
+    return picture
 
 
 def _tiles(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
@@ -153,7 +195,9 @@ def _approached(
             if sight.fill < _SLIGHT:
                 continue
             settled = any(_overlap(sight.box, box) > _ALIKE for box in tried)
-            if settled or (sight.within and _FILLS[0] <= sight.fill <= _FILLS[1]):
+            if not sight.within:
+                following.append(_square(sight.box, 0.0))
+            elif settled or _FILLS[0] <= sight.fill <= _FILLS[1]:
                 found.append(sight)
             else:
                 following.append(sight.box)
