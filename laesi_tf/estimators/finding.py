@@ -28,12 +28,14 @@ _SLIGHT = 0.15
 """A piece that fills less of a close view is no business of that view."""
 _NARROWEST, _AROUND = 0.1, 1.3
 """First views span at least this share of the photo after a glance, and so many leaves after tiles."""
-_FURTHER, _SAME = 2.0, 0.6
+_COLOURED = 24
+"""Levels by which a leaf differs from its sheet at least."""
+_FURTHER, _SAME = 1.75, 0.6
 """Side of the view that confirms a leaf in units of its length, and the overlap of both boxes that does."""
 _ALIKE = 0.7
 """Boxes whose intersection over union exceeds this show the same."""
-_GLANCES, _ROUNDS, _MOST = 4, 5, 160
-"""Glances at the whole photo, looks at one place, and places looked at in one round."""
+_ROUNDS, _MOST = 5, 160
+"""Looks at one place, and places looked at in one round."""
 _SPECK = 6
 """Pieces of fewer pixels of the network are nothing."""
 _SMALL, _TILE, _STRIDE = 0.16, 2.6, 1.5
@@ -112,28 +114,33 @@ class Sight:
 
 def find(views: Views, predict: Predict, size: tuple[int, int]) -> list[Sight]:
     """The leaves on a photo, largest first, as a mask network of input `size` (h, w) sees them."""
-    found: list[Sight] = []
     small, placement = views.fitted(size)
-    for _ in range(_GLANCES):
-        # The network attends to what stands out: leaves that were found are covered, and it looks again.
-        glance = predict(_covered(views, small, placement, found)[np.newaxis])[0, ..., 0]
-        glimpsed = _new(_pieces(views, views.whole, glance, placement, _GLIMPSED), found)
-        more = _approached(views, predict, size, glimpsed, _NARROWEST * views.size.max())
-        before = len(found)
-        found = _distinct(found + (_alike_in_area(more, found) if found else more))
-        if len(found) == before:
-            break
+    glance = predict(small[np.newaxis])[0, ..., 0]
+    boxes = [sight.box for sight in _pieces(views, views.whole, glance, placement, _GLIMPSED)]
+    found = _distinct(_approached(views, predict, size, boxes, _NARROWEST * views.size.max()))
     typical = float(np.median([sight.longest for sight in found])) if found else views.size.max() / 8
+    if len(found) > 1:
+        # Of several leaves in one view the network overlooks some: their colour shows where to look.
+        coloured = _coloured(small, placement)
+        boxes = [sight.box for sight in _pieces(views, views.whole, coloured, placement, _SEEN)]
+        more = _approached(views, predict, size, boxes, 0.0)
+        found = _distinct(found + _alike_in_area(more, found))
     if typical < _SMALL * views.size.max():
         tiles = list(_tiles(views.size, typical))[:_MOST]
         glimpsed = [sight for sight in _looked(views, predict, size, tiles, _GLIMPSED) if sight.within]
-        more = _approached(views, predict, size, _new(glimpsed, found), _AROUND * typical)
+        boxes = [sight.box for sight in glimpsed if not _shown(sight, found)]
+        more = _approached(views, predict, size, boxes, _AROUND * typical)
         found = _distinct(found + _alike_in_area(more, found))
     return found[:1] + _confirmed(views, predict, size, found[1:])
 
 
-def _new(glimpsed: Sequence[Sight], found: Sequence[Sight]) -> list[Sight]:
-    return [sight for sight in glimpsed if not _shown(sight, found)]
+def _coloured(small: np.ndarray, placement: Placement) -> np.ndarray:
+    """1 where `small`, uint8 [h, w, 3], differs in colour from the sheet, else 0: float32 [h, w]."""
+    side = min(255, min(placement.extent) // 3 | 1)
+    off = cv2.absdiff(small, cv2.medianBlur(small, side)).astype(np.float32).max(axis=2)
+    threshold, _ = cv2.threshold(off.astype(np.uint8), 0, 255, cv2.THRESH_OTSU)
+    marked = (off > max(threshold, _COLOURED)).astype(np.uint8)
+    return cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(np.float32)
 
 
 def _alike_in_area(sights: Sequence[Sight], found: Sequence[Sight]) -> list[Sight]:
@@ -143,7 +150,7 @@ def _alike_in_area(sights: Sequence[Sight], found: Sequence[Sight]) -> list[Sigh
 
 
 def _confirmed(views: Views, predict: Predict, size: tuple[int, int], sights: Sequence[Sight]) -> list[Sight]:
-    """Those of `sights` that look alike from further away: pens and print change with the view, leaves do not."""
+    """Those of `sights` that look alike from further away, as print and specks do not."""
     confirmed = []
     for first in range(0, len(sights), _MOST):
         part = sights[first : first + _MOST]
@@ -151,20 +158,6 @@ def _confirmed(views: Views, predict: Predict, size: tuple[int, int], sights: Se
         again = _looked(views, predict, size, boxes, _SEEN)
         confirmed += [sight for sight in part if any(_overlap(sight.box, one.box) > _SAME for one in again)]
     return confirmed
-
-
-def _covered(views: Views, small: np.ndarray, placement: Placement, sights: Sequence[Sight]) -> np.ndarray:
-    """`small`, the whole photo in uint8 [h, w, 3], with each leaf painted over in the colour around it."""
-    picture = small.copy()
-    for sight in sights:
-        inner = views.whole.of_photo(sight.points()) * placement.scale[::-1] + placement.offset[::-1]
-        column, row = np.clip(np.floor(inner).astype(int), 0, np.array(small.shape[1::-1]) - 1).T
-        leaf = np.zeros(small.shape[:2], np.uint8)
-        leaf[row, column] = 1
-        leaf = cv2.dilate(leaf, np.ones((5, 5), np.uint8))
-        ring = (cv2.dilate(leaf, np.ones((7, 7), np.uint8)) > 0) & (leaf == 0)
-        picture[leaf > 0] = np.median(small[ring], axis=0) if ring.any() else 0
-    return picture
 
 
 def _tiles(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
@@ -177,15 +170,15 @@ def _tiles(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
 
 
 def _approached(
-    views: Views, predict: Predict, size: tuple[int, int], glimpsed: Sequence[Sight], narrowest: float
+    views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], narrowest: float
 ) -> list[Sight]:
-    """Look at pieces closer and closer until each fills its view.
+    """Look at what is in `boxes` closer and closer until each piece fills its view.
 
     First views have `narrowest` photo pixels or more: of a small leaf a glance often shows but a part.
     """
     found: list[Sight] = []
     tried: list[np.ndarray] = []
-    waiting = _unlike([sight.box for sight in glimpsed], tried)
+    waiting = _unlike(boxes, tried)
     for _ in range(_ROUNDS):
         tried += waiting
         following = []
