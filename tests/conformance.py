@@ -36,8 +36,13 @@ def check(measurement: Measurement, image: np.ndarray) -> None:
             assert leaf.area_cm2 is not None and math.isfinite(leaf.area_cm2) and leaf.area_cm2 > 0
         if leaf.outline is not None:
             _check_outline(leaf.outline, image)
-        for value in (leaf.px_per_mm, leaf.uncertainty_cm2):
+        sizes = (leaf.px_per_mm, leaf.uncertainty_cm2, leaf.length_mm, leaf.width_mm, leaf.perimeter_mm)
+        for value in sizes:
             assert value is None or (math.isfinite(value) and value > 0)
+        assert leaf.holes_cm2 is None or 0 <= leaf.holes_cm2 < math.inf
+        if leaf.length_mm is not None and leaf.perimeter_mm is not None:
+            assert leaf.perimeter_mm >= 1.9 * leaf.length_mm
+    assert measurement.tilt_deg is None or 0 <= measurement.tilt_deg < 90
     if measurement.mask is not None:
         assert measurement.mask.dtype == bool and measurement.mask.shape == image.shape[:2]
 

@@ -56,6 +56,8 @@ def test_reading_measures_a_disk_on_drawn_paper() -> None:
     assert measured.area_cm2 == pytest.approx(true, rel=0.02)
     (found,) = measured.leaves
     assert found.px_per_mm == pytest.approx(5.0, rel=0.02)
+    assert (found.length_mm, found.width_mm) == pytest.approx((48, 48), rel=0.06)
+    assert measured.tilt_deg is not None and measured.to_mm is not None
     assert found.uncertainty_cm2 is not None and 0.001 * true < found.uncertainty_cm2 < 0.05 * true
 
 
@@ -69,6 +71,14 @@ def test_reading_falls_back_and_says_so() -> None:
     assert measured.area_cm2 == regression.measure(photo(200, 200)).area_cm2
     alone = Reading(segmentation).measure(photo(200, 200))
     assert alone.refusal is not None and "no ruling" in alone.refusal and alone.mask is not None
+
+
+def test_the_area_network_is_asked_once() -> None:
+    regression = Regression(area_network(SIZE), SIZE, "none")
+    asked, predict = [], regression._predict
+    regression._predict = lambda pictures: asked.append(len(pictures)) or predict(pictures)
+    Reading(Segmentation(mask_network(SIZE), SIZE), regression).measure(photo(200, 200))
+    assert asked == [1]
 
 
 def test_regression_sees_the_whole_photo_with_square_pixels() -> None:

@@ -70,6 +70,7 @@ def test_figures_of_each_subset(
     # On other paper the area network does not stand in for the ruling: that photo is refused.
     assert found["all"]["mre"] == pytest.approx(25, abs=2) and found["grid 5 mm"]["mre"] is None
     assert found["all"]["n"] == 3 and found["all"]["skipped"] == 1 and found["all"]["refused"] == 1
+    assert found["all"]["refused_share"] == pytest.approx(1 / 3)
     assert found["easy"]["n"] == 1 and found["easy"]["skipped"] == 1
     assert found["easy"]["miou"] > 0.97 and found["easy"]["mpe"] < 0.03
     assert found["grid 5 mm"]["miou"] is None and found["grid 5 mm"]["mpe"] is None

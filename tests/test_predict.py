@@ -16,6 +16,18 @@ from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
 from laesi_tf.overlay import GRID, gridded
 
 Rows = list[dict[str, object]]
+COLUMNS = {
+    "photo",
+    "leaf",
+    "area_cm2",
+    "uncertainty_cm2",
+    "px_per_mm",
+    "tilt_deg",
+    "method",
+    "refused",
+    "error",
+}
+COLUMNS |= {"length_mm", "width_mm", "perimeter_mm", "holes_cm2", "note"}
 PERCENT = 100 * math.pi * 0.3**2
 
 
@@ -44,7 +56,8 @@ def test_area_of_each_photo(
     assert [row["photo"] for row in rows] == [str(path) for path in photos]
     for row in rows:
         assert row["area_cm2"] == pytest.approx(PERCENT, rel=0.03)
-        assert set(row) == {"photo", "area_cm2", "px_per_mm", "method", "error"}
+        assert set(row) == COLUMNS
+        assert row["leaf"] == 1 and row["refused"] is False
         assert (row["px_per_mm"], row["method"], row["error"]) == (None, "regression", None)
     assert f"{rows[0]['area_cm2']:.2f} cm2" in capsys.readouterr().out
 
@@ -59,6 +72,7 @@ def test_known_scale(runs: dict[str, Path], tmp_path: Path) -> None:
 def test_refusal_is_told(runs: dict[str, Path], tmp_path: Path) -> None:
     (row,) = predict(tmp_path / "out", save(tmp_path / "a.png", 96, 96), "--model", runs["mask"])
     assert row["area_cm2"] is None and "px_per_mm" in str(row["error"])
+    assert row["refused"] is True and row["leaf"] is None
 
 
 def test_folder_with_bad_photos(
@@ -124,6 +138,25 @@ def test_odd_names(runs: dict[str, Path], tmp_path: Path, capsys: pytest.Capture
     assert [row["error"] for row in rows] == [None] * 4
     printed = capsys.readouterr().out
     assert "\x1b" not in printed and len(printed.splitlines()) == 5 and "blatt_ä_叶.png" in printed
+
+
+def test_leaves_are_numbered_in_table_summary_and_overlay(
+    runs: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one = photo(300, 400)
+    Image.fromarray(np.concatenate([one, one[::2, ::2].repeat(2, axis=0)], axis=1)).save(tmp_path / "two.png")
+    rows = predict(tmp_path / "out", tmp_path / "two.png", "--model", runs["mask"], "--px-per-mm", 4)
+    assert [row["leaf"] for row in rows] == [1, 2]
+    # The second disk is half as wide.
+    assert rows[1]["area_cm2"] == pytest.approx(float(str(rows[0]["area_cm2"])) / 2, rel=0.03)
+    assert rows[0]["length_mm"] == pytest.approx(2 * 90 / 4, rel=0.02)
+    assert rows[1]["width_mm"] == pytest.approx(90 / 4, rel=0.03)
+    printed = capsys.readouterr().out
+    assert "2 leaves" in printed and "leaf 2" in printed and "leaves measured: 2" in printed
+    with (tmp_path / "out" / "areas.csv").open(newline="") as file:
+        assert [row["leaf"] for row in csv.DictReader(file)] == ["1", "2"]
+    overlay = np.asarray(Image.open(tmp_path / "out" / "two.overlay.png"))
+    assert (overlay[:700] == 0).all(axis=2).sum() > 50, "no numbers on the leaves"
 
 
 def test_each_leaf_has_its_row(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 _SMOOTH = 1.0
 """Standard deviation, pixels, of the blur whose level of one half the outline follows: it takes the steps
 off."""
+_LOGIT_TO_SIGMA = 0.6
 _PAD = 4
 _LEAST_HOLE_PX = 6.0
 
@@ -56,11 +57,12 @@ def _settled(soft: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Border `pixels` [N, 2] moved along the slope of the blurred mask to where it is one half."""
     x, y = pixels.T
     slope = np.stack([soft[y, x + 1] - soft[y, x - 1], soft[y + 1, x] - soft[y - 1, x]], axis=1) / 2
-    steepness = (slope**2).sum(axis=1)
+    level = np.clip(soft[y, x], 0.02, 0.98)
+    # How far inside a straight edge the blur has this level: nearly the normal distribution's quantile.
+    depth = _LOGIT_TO_SIGMA * _SMOOTH * np.log(level / (1 - level))
     # On a line a pixel wide there is no slope to follow.
-    step = np.clip((0.5 - soft[y, x]) / np.maximum(steepness, 0.02), -6, 6)[:, None] * slope
-    size = np.linalg.norm(step, axis=1, keepdims=True)
-    return pixels + step / np.maximum(size, 1) + 0.5 - _PAD
+    outward = -slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 0.05)
+    return pixels + depth[:, None] * outward + 0.5 - _PAD
 
 
 def mapped(homography: np.ndarray, points: np.ndarray) -> np.ndarray:

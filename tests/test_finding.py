@@ -1,0 +1,83 @@
+"""Leaves on a sheet: all of them, each once, at any size, in reading order."""
+
+import numpy as np
+import pytest
+from green import LEAF, PAPER, mask_network
+
+from laesi_tf.estimators import Known, Segmentation
+from laesi_tf.estimators.base import in_reading_order
+from laesi_tf.estimators.views import LONGEST, Views
+
+SIZE = (96, 96)
+
+
+def sheet(discs: list[tuple[int, int, int]], size: tuple[int, int] = (900, 1200)) -> np.ndarray:
+    """uint8 [*size, 3] with leaves (row, column, radius)."""
+    rows, columns = np.mgrid[: size[0], : size[1]]
+    image = np.full((*size, 3), PAPER, np.uint8)
+    for row, column, radius in discs:
+        image[np.hypot(rows - row, columns - column) < radius] = LEAF
+    return image
+
+
+def measured(image: np.ndarray):
+    return Segmentation(mask_network(SIZE), SIZE).measure(image, Known(px_per_mm=10.0))
+
+
+@pytest.mark.parametrize("radius", [30, 60, 100])
+def test_every_leaf_is_found_once_and_in_order(radius: int) -> None:
+    places = [(row, column) for row in (150, 450, 750) for column in (150, 450, 750, 1050)]
+    leaves = measured(sheet([(*place, radius) for place in places])).leaves
+    middles = [leaf.outline.mean(axis=0)[::-1] for leaf in leaves]
+    assert np.array(middles) == pytest.approx(np.array(places), abs=2)
+    true = np.pi * (radius / 10) ** 2 / 100
+    assert [leaf.area_cm2 for leaf in leaves] == pytest.approx([true] * 12, rel=0.02)
+
+
+def test_leaves_of_unlike_size() -> None:
+    leaves = measured(sheet([(300, 350, 230), (500, 900, 60)])).leaves
+    assert [leaf.area_cm2 for leaf in leaves] == pytest.approx(
+        [np.pi * 23**2 / 100, np.pi * 6**2 / 100], rel=0.02
+    )
+
+
+def test_crumbs_are_no_leaves() -> None:
+    assert len(measured(sheet([(300, 350, 200), (700, 900, 12)])).leaves) == 1
+
+
+def test_a_leaf_that_the_photo_cuts_off_is_noted() -> None:
+    first, second = measured(sheet([(300, 300, 120), (850, 800, 120)])).leaves
+    assert first.note is None
+    assert second.note is not None and "border" in second.note
+    assert second.area_cm2 is not None and second.area_cm2 < np.pi * 12**2 / 100
+
+
+def test_mask_shows_all_leaves_without_their_holes() -> None:
+    image = sheet([(300, 350, 200), (600, 900, 150)])
+    image[250:350, 300:400] = PAPER
+    found = measured(image)
+    true = (image == LEAF).all(axis=2)
+    assert (found.mask & true).sum() / (found.mask | true).sum() > 0.99
+    assert found.leaves[0].holes_cm2 == pytest.approx(1.0, rel=0.03) and len(found.leaves[0].holes) == 1
+    assert found.area_cm2 == pytest.approx(true.sum() / 100 / 100, rel=0.01)
+
+
+def test_reading_order() -> None:
+    boxes = [[[100, 10], [150, 60]], [[0, 20], [50, 70]], [[0, 100], [40, 130]], [[60, 90], [99, 140]]]
+    assert in_reading_order(np.array(boxes, float)) == [1, 0, 2, 3]
+    assert in_reading_order(np.zeros((0, 2, 2))) == []
+
+
+def test_views_of_a_part_lie_where_they_say() -> None:
+    rows, columns = np.mgrid[:2000, :3000]
+    photo = np.stack([columns // 12, rows // 12, np.zeros_like(rows)], axis=-1).astype(np.uint8)
+    views = Views(photo)
+    assert max(views.whole.image.shape) == LONGEST
+    for box in ([[100, 200], [900, 700]], [[0, 0], [3000, 2000]], [[2900, 1900], [3500, 2500]]):
+        cut = views.around(np.array(box, float), at_least=400, at_most=600)
+        assert max(cut.image.shape) <= 600
+        height, width = cut.image.shape[:2]
+        x, y = cut.to_photo(np.array([width / 2, height / 2]))
+        shown = cut.image[height // 2 - 1 : height // 2 + 1, width // 2 - 1 : width // 2 + 1, :2].mean((0, 1))
+        assert shown * 12 == pytest.approx([x, y], abs=12)
+        assert cut.of_photo(cut.to_photo(np.array([7.0, 9.0]))) == pytest.approx([7, 9])
