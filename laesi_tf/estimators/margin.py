@@ -136,12 +136,28 @@ def _with_petiole(
     followed = leaf | ((odds > _LEAF_COLOURED) & (distance > 0) & (distance <= reach))
     sturdy = cv2.morphologyEx(followed.astype(np.uint8), cv2.MORPH_OPEN, _disc(_SPUR * coarseness)) > 0
     mask = (core & leaf) | sturdy
-    thickest = max(1.5, _THICKEST / 2 * float(np.sqrt(np.count_nonzero(core))))
-    mask &= ~_thick(mask & ~leaf, thickest)
+    mask &= leaf | _petiole(mask & ~leaf, distance, reach, core)
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
     mine = np.bincount(labels[core & mask], minlength=2)
     mine[0] = 0
     return (labels == mine.argmax()) & mask
+
+
+def _petiole(beyond: np.ndarray, distance: np.ndarray, reach: float, core: np.ndarray) -> np.ndarray:
+    """The one piece of `beyond`, bool [h, w], that may be a petiole: the largest that is thin and comes to an
+    end.
+
+    Lines of a bold ruling run on to where they are no longer followed, or to the border of the view.
+    """
+    beyond = beyond & ~_thick(beyond, max(1.5, _THICKEST / 2 * float(np.sqrt(np.count_nonzero(core)))))
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(beyond.astype(np.uint8))
+    endless = beyond & (distance > reach - 2)
+    endless[[0, -1]] = beyond[[0, -1]]
+    endless[:, [0, -1]] = beyond[:, [0, -1]]
+    size = statistics[:, cv2.CC_STAT_AREA].copy()
+    size[np.unique(labels[endless])] = 0
+    size[0] = 0
+    return (labels == size.argmax()) & beyond & (size.max() > 0)
 
 
 def _thick(mask: np.ndarray, radius: float) -> np.ndarray:

@@ -20,7 +20,7 @@ _BORDER_PX = 1.5
 """A leaf that comes this close to the photo's border is taken to go on beyond it."""
 _LEAST_PX = 50.0
 """Photo pixels of which nothing can be told."""
-_DOUBT, _MARGIN_PX = 0.5, 0.1
+_DOUBT, _MARGIN_PX = 0.57, 0.115
 """Standard deviation of a silhouette's area in units of its doubtful pixels: measured on fresh scenes."""
 
 
