@@ -93,9 +93,16 @@ class Drawn(NamedTuple):
     opacity: tf.Tensor
 
 
-@fused
 def _drawn(name: str, props: Props, stage: Stage, random: tf.Tensor) -> list[Drawn]:
     """The items of prop `name`, the first the lowest."""
+    # Compiling takes half a second a prop: sizes that share a power of two share what is compiled.
+    side = max(256, 2 ** math.ceil(math.log2(max(stage.size))))
+    return _drawn_within(name, props, stage._replace(size=(side, side)), random)
+
+
+@fused
+def _drawn_within(name: str, props: Props, stage: Stage, random: tf.Tensor) -> list[Drawn]:
+    """`_drawn`, compiled for the stage's size."""
     return [
         Drawn(_edges(item, stage), item.colour, tf.constant(item.opacity))
         for item in PROPS[name](props, stage, random)
@@ -103,7 +110,7 @@ def _drawn(name: str, props: Props, stage: Stage, random: tf.Tensor) -> list[Dra
 
 
 def _edges(item: Item, stage: Stage) -> tf.Tensor:
-    """Edges of `item` in pixels, short enough to be filled."""
+    """Edges of `item` in pixels, short enough to be filled in a picture of the stage's size."""
     count = math.ceil(item.perimeter_mm * max(stage.size) / 70)
     return raster.segments(raster.resample(camera.project(stage.view.to_px, item.points), count))
 
