@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 SIDE = 600
+FINER = 3
 
 
 def drawn(
@@ -15,13 +16,15 @@ def drawn(
     centred = np.array([[1, 0, -SIDE / 2], [0, 1, -SIDE / 2], [0, 0, 1]])
     rates = np.array([[cosine, sine, 0], [-sine, cosine, 0], [tilt[0] / SIDE, tilt[1] / SIDE, 1]])
     forward = rates @ centred
-    y, x = np.mgrid[:SIDE, :SIDE] + 0.5
+    # Pixels integrate: thin lines sampled at points would beat with the pixels and print lines of their own.
+    y, x = (np.mgrid[: SIDE * FINER, : SIDE * FINER] + 0.5) / FINER
     u, v, w = np.einsum("ij,jhw->ihw", forward, np.stack([x, y, np.ones_like(x)]))
-    ink = np.zeros((SIDE, SIDE))
+    ink = np.zeros_like(x)
     for position in (u / w, v / w):
         for pitch, strength in ((1, 60), (heavy, 110)):
             distance = np.abs((position + pitch / 2) % pitch - pitch / 2)
             ink = np.maximum(ink, strength * np.exp(-((distance / 0.12) ** 2)))
+    ink = ink.reshape(SIDE, FINER, SIDE, FINER).mean(axis=(1, 3))
     noise = np.random.default_rng(seed).normal(0, 4, (SIDE, SIDE))
     grey = np.clip(225 - ink + noise, 0, 255)
     return np.stack([grey, np.clip(grey + ink * 0.5, 0, 255), grey], axis=-1).astype(np.uint8), forward

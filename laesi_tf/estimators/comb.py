@@ -25,8 +25,14 @@ _ROUGH, _WRONG = 0.1, 0.008
 perfect one, that is left to any other: a rough scale is off by far now and then, and the comb may overrule
 it."""
 MILLIMETRES = np.array([0.5, 1.7, 0.53, -1.39, -0.51, -2.21, 0.21, 0.74, -1.54], np.float32)
-"""Weights of the signs of `_signs` on paper whose every fifth or tenth line is heavier: log-odds."""
-PLAIN = np.array([1.0, -1.0, 0.5, -1.0, -0.5, -2.0, 0.5, 0.5, -1.5], np.float32)
+"""Weights of the signs of `_signs` on paper whose every fifth or tenth line is heavier: log-odds.
+
+Multinomial logistic regression, as of a choice among all candidates, on 260 scenes of `rendering_2` (seed
+11, 768 x 768 and 1536 x 1152) without a rough scale. The choice's softmax is then the chance that a family
+is right: of 300 other scenes (seed 12), 34 had a chance below 0.9, 0.73 on average, and 32 of them were
+right; all others were.
+"""
+PLAIN = np.array([1.0, -1.0, 0.5, -1.0, -2.0, -2.0, 1.0, 1.0, -1.5], np.float32)
 """The same where no line is heavier than another."""
 _ANGLES = np.deg2rad(np.arange(0, 180, 1.0))
 _STEP = 0.02

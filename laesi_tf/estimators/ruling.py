@@ -22,9 +22,12 @@ from laesi_tf.estimators.tilt import tilt_deg
 
 _VIEWS_MM = 40, 450
 """Longer side of the sheet that a picture may show."""
-_FEWEST, _FAINTEST, _DOUBTFUL, _WIDEST = 10, 0.0, 0.5, 0.01
-"""Refusal: fewer measured frequencies, weaker signs of a ruling, less confidence, or a larger median
-disagreement."""
+_FEWEST, _DOUBTFUL, _WIDEST = 10, 0.5, 0.01
+"""Refusal: fewer measured frequencies, less confidence, or a larger median disagreement than these."""
+_FAINTEST, _FAINTEST_PLAIN = 0.0, 7.0
+"""Refusal: weaker signs of a ruling, log-odds. Those of squared paper are weighed by hand; two sheets of it
+scored 10, and what was taken for it on small crops without enough squares, blocks of JPEG above all, 6.1 at
+most."""
 _SMALLEST = 480
 """Longest side of a working picture of squared paper, pixels: two patches and a half."""
 _LARGEST = 2.0
@@ -77,7 +80,8 @@ def read_ruling(
     if small is None:
         return None
     height, width = small.shape[:2]
-    weights = comb.MILLIMETRES if grid_mm < _PLAIN_MM else comb.PLAIN
+    plain = grid_mm >= _PLAIN_MM
+    weights, faintest = (comb.PLAIN, _FAINTEST_PLAIN) if plain else (comb.MILLIMETRES, _FAINTEST)
     view = [
         0.0 if about is None else max(image.shape[:2]) / about / grid_mm,
         *(mm / grid_mm for mm in _VIEWS_MM),
@@ -86,7 +90,7 @@ def read_ruling(
         _framed(small, leaf), np.array([height, width], np.int32), np.array(view, np.float32), weights
     )
     lattice, (evidence, share, inliers, spread) = (part.numpy() for part in found)
-    if inliers < _FEWEST or evidence < _FAINTEST or share < _DOUBTFUL or spread > _WIDEST:
+    if inliers < _FEWEST or evidence < faintest or share < _DOUBTFUL or spread > _WIDEST:
         return None
     shrunk = np.diag([width / image.shape[1], height / image.shape[0], 1.0])
     forward = np.diag([grid_mm, grid_mm, 1.0]) @ _homography(lattice, height, width) @ shrunk
