@@ -24,9 +24,9 @@ _VIEWS_MM = 40, 450
 """Longer side of the sheet that a picture may show."""
 _FEWEST, _DOUBTFUL, _WIDEST = 10, 0.5, 0.01
 """Refusal: fewer measured frequencies, less confidence, or a larger median disagreement than these."""
-_FAINTEST, _FAINTEST_PLAIN = 0.0, 7.0
+_FAINTEST, _FAINTEST_PLAIN = 0.0, 8.0
 """Refusal: weaker signs of a ruling, log-odds. Those of squared paper are weighed by hand; two sheets of it
-scored 10, and what was taken for it on small crops without enough squares, blocks of JPEG above all, 6.1 at
+scored 10, and what was taken for it on 110 crops with too few squares, blocks of JPEG above all, 7.1 at
 most."""
 _SMALLEST = 480
 """Longest side of a working picture of squared paper, pixels: two patches and a half."""
@@ -35,7 +35,7 @@ _LARGEST = 2.0
 _FINEST_PX = 3.4
 """Pixels per period, at least, of the working picture in the widest view: other rulings need fewer pixels."""
 _PLAIN_MM = 2.0
-"""From this distance of the finest lines on, none is taken to be heavier than another: squared paper."""
+"""From this distance of the finest lines on, it is squared paper."""
 _SEED_STRIDE, _SEEDS = 2, 3
 _SAMPLES = 5.0
 """Samples per period of the straightened patches, at least where the photo has as many: ten are two periods
