@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tensorflow as tf
 from scenes import only
@@ -13,6 +14,7 @@ from laesi_tf import benchmark as command
 from laesi_tf import machine
 from laesi_tf.benchmark import Spread
 from laesi_tf.errors import InputError
+from laesi_tf.estimators import Measurement
 from laesi_tf.synthesis import COMPONENTS
 
 SIZE = (32, 32)
@@ -142,3 +144,28 @@ def test_report_and_json(
 def test_bad_input(arguments: list[str]) -> None:
     with pytest.raises(InputError):
         command.main(arguments)
+
+
+class Slow:
+    """An estimator that takes a given time by a clock, a long one for its first photo."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock, self.sizes = clock, []
+
+    def measure(self, image: np.ndarray, known: Any = None) -> Measurement:
+        self.clock.now += 0.03 if self.sizes else 5.0
+        self.sizes.append(image.shape)
+        return Measurement(method="slow")
+
+
+def test_photos_are_measured_at_their_size_and_the_first_does_not_count(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = Clock()
+    monkeypatch.setattr(command.time, "perf_counter", clock)
+    estimator = Slow(clock)
+    figures = command.photo_ms(estimator, seed=0, size=(48, 64), repeats=3)
+    assert estimator.sizes == [(48, 64, 3)] * 4
+    assert figures["measure_ms"] == pytest.approx(30) and figures["decode_ms"] == 0
+    assert figures["methods"] == ["slow"] and figures["photos"] == 3
+    assert command._reduced((3000, 4000)) == (1200, 1600)
