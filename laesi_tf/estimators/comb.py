@@ -29,8 +29,9 @@ MILLIMETRES = np.array([0.5, 1.7, 0.53, -1.39, -0.51, -2.21, 0.21, 0.74, -1.54],
 
 Multinomial logistic regression, as of a choice among all candidates, on 260 scenes of `rendering_2` (seed
 11, 768 x 768 and 1536 x 1152) without a rough scale. The choice's softmax is then the chance that a family
-is right: of 300 other scenes (seed 12), 34 had a chance below 0.9, 0.73 on average, and 32 of them were
-right; all others were.
+is right. Checked on 300 other scenes (seed 12, three sizes): of 292 readings without a rough scale 23 had a
+chance below 0.9, on average 0.82, and of 296 with one 9, on average 0.73; one of all these was off by more
+than 1 %, with a chance of 0.6.
 """
 PLAIN = np.array([1.0, -0.5, 0.5, -1.0, -2.0, -2.0, 1.0, 1.0, -1.5], np.float32)
 """The same for squared paper, where heavier lines are rare, by hand."""
