@@ -12,13 +12,14 @@ _CHANNELS = 128
 def mask_model(base: keras.Model) -> keras.Model:
     """LR-ASPP on `base`: [B, H, W, 3] of 0..255 -> [B, H, W, 1], the probability that a pixel is leaf.
 
-    Both features are taken where a stride ends: 1/16 for meaning, 1/8 for detail. The network is cut there
+    Features are taken where a stride ends: 1/16 for meaning, 1/8 for detail, and, which the paper's head has not,
+    1/4 for the margin: the area of a leaf hangs on where exactly it ends. The network is cut at 1/16
     rather than having its last stage dilated to 1/16 as the paper does: that stage tells a thousand classes
     apart and would cost four times as much at 1/16, while for a leaf on paper the pooled gate sees enough.
     The paper's 49x49 pooling of a 64x128 grid is global here: the grid of a 224 px picture is 14x14.
     """
     size = base.input_shape[1:3]
-    deep, detail = deepest_at(base, 16), deepest_at(base, 8)
+    deep, detail, margin = (deepest_at(base, stride) for stride in (16, 8, 4))
     features = keras.layers.Conv2D(_CHANNELS, 1, use_bias=False, name="head_conv")(deep)
     features = keras.layers.BatchNormalization(name="head_bn")(features)
     features = keras.layers.ReLU(name="head_relu")(features)
@@ -31,6 +32,10 @@ def mask_model(base: keras.Model) -> keras.Model:
             keras.layers.Conv2D(1, 1, name="from_gated")(gated),
             keras.layers.Conv2D(1, 1, name="from_detail")(detail),
         ]
+    )
+    logits = _resized(logits, margin.shape[1:3], "to_quarter")
+    logits = keras.layers.Add(name="sharper_logits")(
+        [logits, keras.layers.Conv2D(1, 1, name="from_margin")(margin)]
     )
     output = keras.layers.Activation("sigmoid", name="leaf")(_resized(logits, size, "to_input"))
     return keras.Model(base.input, output, name="mask")
