@@ -91,11 +91,13 @@ def export(run: Run, out: Path) -> None:
     weights = {f"variable_{i}": variable.numpy().astype(np.float16) for i, variable in _numbered(run.model)}
     with whole(out / EXPORTED) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **weights)
-    # A weights file is told by its name: where it lay is nobody else's business.
-    named = replace(run.config, weights=Path(run.config.weights).name)
+    # Files are told by their names: where they lay is nobody else's business.
+    paths = {name: Path(getattr(run.config, name)).name for name in ("weights", "ranges", "mixture")}
+    named = replace(run.config, **paths)
     configuration.write(out / CONFIG, named, configuration.read(run.path / CONFIG)[configuration.PROVENANCE])
-    if (run.path / METRICS).is_file():
-        write_text(out / METRICS, (run.path / METRICS).read_text(encoding="utf-8"))
+    for name in (METRICS, "ranges.toml", "mixture.toml"):
+        if (run.path / name).is_file():
+            write_text(out / name, (run.path / name).read_text(encoding="utf-8"))
 
 
 def _exported(path: Path, config: TrainConfig) -> keras.Model:

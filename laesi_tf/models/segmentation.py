@@ -12,8 +12,8 @@ _CHANNELS = 128
 def mask_model(base: keras.Model) -> keras.Model:
     """LR-ASPP on `base`: [B, H, W, 3] of 0..255 -> [B, H, W, 1], the probability that a pixel is leaf.
 
-    Features are taken where a stride ends: 1/16 for meaning, 1/8 for detail, and, which the paper's head has not,
-    1/4 for the margin: the area of a leaf hangs on where exactly it ends. The network is cut at 1/16
+    Features are taken where a stride ends: 1/16 for meaning, 1/8 for detail, and 1/4, which the paper's head
+    has not, for the margin: the area of a leaf hangs on where exactly it ends. The network is cut at 1/16
     rather than having its last stage dilated to 1/16 as the paper does: that stage tells a thousand classes
     apart and would cost four times as much at 1/16, while for a leaf on paper the pooled gate sees enough.
     The paper's 49x49 pooling of a 64x128 grid is global here: the grid of a 224 px picture is 14x14.
