@@ -91,11 +91,12 @@ def export(run: Run, out: Path) -> None:
     weights = {f"variable_{i}": variable.numpy().astype(np.float16) for i, variable in _numbered(run.model)}
     with whole(out / EXPORTED) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **weights)
-    # Files are told by their names: where they lay is nobody else's business.
-    paths = {name: Path(getattr(run.config, name)).name for name in ("weights", "ranges", "mixture")}
+    # Where files lay is nobody else's business: they are told by their names, or are copied.
+    copied = [name for name in ("ranges", "mixture") if (run.path / f"{name}.toml").is_file()]
+    paths = {"weights": Path(run.config.weights).name} | {name: f"{name}.toml" for name in copied}
     named = replace(run.config, **paths)
     configuration.write(out / CONFIG, named, configuration.read(run.path / CONFIG)[configuration.PROVENANCE])
-    for name in (METRICS, "ranges.toml", "mixture.toml"):
+    for name in (METRICS, *(f"{name}.toml" for name in copied)):
         if (run.path / name).is_file():
             write_text(out / name, (run.path / name).read_text(encoding="utf-8"))
 

@@ -65,17 +65,18 @@ def test_masks_are_probabilities_and_saved_models_are_plain_keras(tmp_path):
     np.testing.assert_allclose(again(pictures, training=False), output, atol=1e-6)
 
 
-def test_lite_aspp_is_the_gate_times_the_features_plus_the_detail():
+def test_lite_aspp_is_the_gate_times_the_features_plus_detail_and_margin():
     model = segmentation.mask_model(small())
     pictures = images(2)
-    taps = {
-        name: model.get_layer(name) for name in ("head_relu", "gate", "gated", "from_gated", "from_detail")
-    }
+    names = ("head_relu", "gate", "gated", "from_gated", "from_detail", "from_margin")
+    taps = {name: model.get_layer(name) for name in names}
     probe = keras.Model(model.input, {name: layer.output for name, layer in taps.items()})
     found = {name: value.numpy() for name, value in probe(pictures, training=False).items()}
     assert found["gate"].shape == (2, 1, 1, 128)
     np.testing.assert_allclose(found["gated"], found["head_relu"] * found["gate"], rtol=1e-5)
-    logits = tf.image.resize(found["from_gated"] + found["from_detail"], SIZE)
+    coarse = found["from_gated"] + found["from_detail"]
+    sharper = tf.image.resize(coarse, found["from_margin"].shape[1:3]) + found["from_margin"]
+    logits = tf.image.resize(sharper, SIZE)
     np.testing.assert_allclose(model(pictures, training=False), tf.sigmoid(logits), atol=1e-5)
 
 

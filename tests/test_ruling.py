@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import tensorflow as tf
+from green import disk, photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sheets import SIDE, drawn, jacobian
@@ -111,3 +112,10 @@ def test_scenes_with_tilt_are_read_to_a_percent():
             errors.append(abs(area / float(scene["area_cm2"]) - 1))
     assert len(errors) >= 8
     assert np.median(errors) < 0.01
+
+
+@pytest.mark.parametrize("side", [96, 150, 300, 401, 800])
+def test_where_nothing_is_printed_nothing_is_read(side):
+    disc = disk(side, side)
+    assert read_ruling(photo(side, side), leaf=disc) is None
+    assert read_ruling(np.full((side, side, 3), 200, np.uint8)) is None

@@ -108,7 +108,8 @@ def decode(record: tf.Tensor) -> dict[str, tf.Tensor]:
     schema |= {name: tf.io.FixedLenFeature(shape, tf.float32) for name, shape in _NUMBERS.items()}
     parsed = tf.io.parse_single_example(record, schema)
     binary = {name: tf.io.decode_png(parsed[name], channels=1)[..., 0] // 255 for name in ("mask", "edges")}
-    return parsed | {"image": tf.io.decode_jpeg(parsed["image"], channels=3)} | binary
+    image = tf.io.decode_jpeg(parsed["image"], channels=3, dct_method="INTEGER_ACCURATE")
+    return parsed | {"image": image} | binary
 
 
 def read(folder: Path | str) -> tf.data.Dataset:

@@ -86,6 +86,8 @@ def straightened(
     column = tf.clip_by_value(u * (w * half) + (width / 2 + BORDER), BORDER - 1, width + BORDER)
     row = tf.clip_by_value(v * (w * half) + (height / 2 + BORDER), BORDER - 1, height + BORDER)
     index = tf.cast(row, tf.int32) * FRAME + tf.cast(column, tf.int32)
+    # Where no lattice was found there may be none to follow: numbers that are none become odd indices.
+    index = tf.clip_by_value(index, 0, FRAME * FRAME - 1)
     return tf.cast(tf.gather(tf.reshape(picture, [-1]), index), tf.float32)
 
 

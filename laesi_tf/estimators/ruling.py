@@ -22,7 +22,7 @@ from laesi_tf.estimators.tilt import tilt_deg
 
 _VIEWS_MM = 40, 450
 """Longer side of the sheet that a picture may show."""
-_FEWEST, _DOUBTFUL, _WIDEST = 10, 0.5, 0.01
+_FEWEST, _DOUBTFUL, _WIDEST = 10, 0.6, 0.01
 """Refusal: fewer measured frequencies, less confidence, or a larger median disagreement than these."""
 _FAINTEST, _FAINTEST_PLAIN = 0.0, 8.0
 """Refusal: weaker signs of a ruling, log-odds. Those of squared paper are weighed by hand; two sheets of it
@@ -90,7 +90,8 @@ def read_ruling(
         _framed(small, leaf), np.array([height, width], np.int32), np.array(view, np.float32), weights
     )
     lattice, (evidence, share, inliers, spread) = (part.numpy() for part in found)
-    if inliers < _FEWEST or evidence < faintest or share < _DOUBTFUL or spread > _WIDEST:
+    clear = inliers >= _FEWEST and evidence >= faintest and share >= _DOUBTFUL and spread <= _WIDEST
+    if not (clear and np.isfinite(lattice).all()):
         return None
     shrunk = np.diag([width / image.shape[1], height / image.shape[0], 1.0])
     forward = np.diag([grid_mm, grid_mm, 1.0]) @ _homography(lattice, height, width) @ shrunk
