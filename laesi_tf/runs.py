@@ -93,7 +93,8 @@ def export(run: Run, out: Path) -> None:
         np.savez_compressed(file, allow_pickle=False, **weights)
     # Where files lay is nobody else's business: they are told by their names, or are copied.
     copied = [name for name in ("ranges", "mixture") if (run.path / f"{name}.toml").is_file()]
-    paths = {"weights": Path(run.config.weights).name} | {name: f"{name}.toml" for name in copied}
+    paths: dict[str, Any] = {name: f"{name}.toml" for name in copied}
+    paths["weights"] = Path(run.config.weights).name
     named = replace(run.config, **paths)
     configuration.write(out / CONFIG, named, configuration.read(run.path / CONFIG)[configuration.PROVENANCE])
     for name in (METRICS, *(f"{name}.toml" for name in copied)):

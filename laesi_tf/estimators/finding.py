@@ -48,7 +48,7 @@ largest."""
 _STRICTER = 0.2
 """The same in tiles, against the leaves' median: punch holes and pen strokes come close to small leaves
 there."""
-_COARSEST_PX, _SHARPEST_PX = 448, 1024
+_COARSEST_PX, _SHARPEST_PX = 448, 896
 """Longer side of a view: at least twice the network's where the photo has it, at most what margins need."""
 
 

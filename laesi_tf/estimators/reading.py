@@ -6,13 +6,14 @@ ruling can be read, the area network stands in and the method says so.
 
 import dataclasses
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
 from laesi_tf.estimators.regression import Guess, Regression
 from laesi_tf.estimators.ruling import Ruling, read_ruling
-from laesi_tf.estimators.segmentation import NO_LEAF, Outline, Segmentation, filled
+from laesi_tf.estimators.segmentation import NO_LEAF, Outline, Segmentation, coarse, filled
 from laesi_tf.estimators.shape import px_per_mm
 from laesi_tf.estimators.views import Views
 
@@ -44,14 +45,19 @@ class Reading:
     def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
         """As `Estimator.measure`; `known.grid_mm` is used, a known scale is not: the paper tells it."""
         views = Views(image)
-        outlines = self._segmentation.outlines(views)
-        mask = filled(outlines, views.photo)
-        if not outlines:
-            return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
         # The network learned its scale on millimetre paper; other paper would mislead it.
         adviser = self._regression if known.grid_mm == 1 else None
-        guess = None if adviser is None else adviser.guess(views)
-        ruling = _ruling(views, outlines, known.grid_mm, None if guess is None else guess.px_per_mm)
+        # On a second core beside the search for leaves and their outlines.
+        with ThreadPoolExecutor(1) as beside:
+            guessing = beside.submit(lambda: None if adviser is None else adviser.guess(views))
+            sights = self._segmentation.sights(views)
+            covered = filled(map(coarse, sights), views.whole)
+            reading = beside.submit(lambda: _ruling(views, covered, known.grid_mm, guessing.result()))
+            outlines = self._segmentation.outlined(sights, views)
+        guess, ruling = guessing.result(), reading.result()
+        mask = filled((outline.part for outline in outlines), views.photo)
+        if not outlines:
+            return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
         if ruling is None:
             return _without_ruling(outlines, mask, guess)
         to_mm = ruling.forward @ np.diag([*(1 / views.whole.step), 1.0])
@@ -65,12 +71,12 @@ class Reading:
         )
 
 
-def _ruling(views: Views, outlines: list[Outline], grid_mm: float, about: float | None) -> Ruling | None:
-    """The ruling in the pixels of the shrunk photo."""
-    whole = views.whole
+def _ruling(views: Views, covered: np.ndarray, grid_mm: float, guess: Guess | None) -> Ruling | None:
+    """The ruling in the pixels of the shrunk photo, where it is not `covered`, bool [h, w]."""
+    whole, about = views.whole, None if guess is None else guess.px_per_mm
     return read_ruling(
         whole.image,
-        leaf=filled(outlines, whole),
+        leaf=covered,
         grid_mm=grid_mm,
         about=None if about is None else about / float(whole.step[0]),
     )

@@ -1,5 +1,6 @@
 """Area as each leaf's silhouette times a scale that is given: a network finds the silhouettes."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -39,6 +40,11 @@ class Outline:
     cut_off: bool
     """Whether it reaches the photo's border."""
 
+    @property
+    def part(self) -> "Part":
+        """Where it is, for `filled`."""
+        return self.cut, self.mask
+
     def leaf(self, to_mm: np.ndarray) -> Leaf:
         """The leaf measured through a homography [3, 3] from photo pixels to mm."""
         outer = mapped(to_mm, self.margin)
@@ -76,7 +82,7 @@ class Segmentation:
         """As `Estimator.measure`; mask and outlines are given even where the areas are refused."""
         views = Views(image)
         outlines = self.outlines(views)
-        mask = filled(outlines, views.photo)
+        mask = filled((outline.part for outline in outlines), views.photo)
         if not outlines:
             return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
         if known.px_per_mm is None:
@@ -89,23 +95,40 @@ class Segmentation:
 
     def outlines(self, views: Views) -> list[Outline]:
         """The leaves on a photo in reading order."""
-        found = [_outline(sight, views.size) for sight in find(views, self._predict, self._size)]
+        return self.outlined(self.sights(views), views)
+
+    def sights(self, views: Views) -> list[Sight]:
+        """The leaves on a photo as the network sees them, coarsely."""
+        return find(views, self._predict, self._size)
+
+    def outlined(self, sights: Sequence[Sight], views: Views) -> list[Outline]:
+        """The leaves that were seen, at the photo's own resolution, in reading order."""
+        found = [_outline(sight, views.size) for sight in sights]
         outlines = [outline for outline in found if shape(outline.margin, outline.holes).area >= _LEAST_PX]
         boxes = np.array([[one.margin.min(axis=0), one.margin.max(axis=0)] for one in outlines])
         return [outlines[index] for index in in_reading_order(boxes.reshape(-1, 2, 2))]
 
 
-def filled(outlines: list[Outline], onto: Cut) -> np.ndarray:
+Part = tuple[Cut, np.ndarray]
+"""A leaf as a mask, bool [h, w], in a cut of a photo."""
+
+
+def coarse(sight: Sight) -> Part:
+    """A leaf as the network sees it."""
+    return sight.cut, sight.placement.to_photo(sight.alone()) >= 0.5
+
+
+def filled(parts: Iterable[Part], onto: Cut) -> np.ndarray:
     """bool [H, W], True on the leaves in a cut of the photo."""
     mask = np.zeros(onto.image.shape[:2], bool)
-    for outline in outlines:
-        height, width = outline.mask.shape
-        ends = onto.of_photo(outline.cut.to_photo(np.array([[0, 0], [width, height]])))
+    for cut, leaf in parts:
+        height, width = leaf.shape
+        ends = onto.of_photo(cut.to_photo(np.array([[0, 0], [width, height]])))
         (left, top), (right, bottom) = np.round(ends).astype(int)
         size = max(1, right - left), max(1, bottom - top)
         region = mask[top : top + size[1], left : left + size[0]]
         # Halfway between leaf and no leaf, so that the margin moves to neither side.
-        grown = cv2.resize(outline.mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_LINEAR)
+        grown = cv2.resize(leaf.astype(np.uint8) * 255, size, interpolation=cv2.INTER_LINEAR)
         region |= grown[: region.shape[0], : region.shape[1]] >= 128
     return mask
 
