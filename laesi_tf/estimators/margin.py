@@ -36,7 +36,7 @@ _REACH, _THICKEST, _LEAF_COLOURED = 0.3, 0.16, 3.5
 log-odds of their colour."""
 _SPUR = 0.3
 """What sticks out of the network's outline and is thinner than twice this, in its pixels, is ink."""
-_FEWEST, _ENOUGH = 30, 4000
+_FEWEST, _ENOUGH = 30, 16000
 """Samples of leaf and paper without which the network's outline stands, and how many tell their colours."""
 
 
