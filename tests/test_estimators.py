@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import cv2
 import keras
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from sheets import drawn, jacobian
 
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Estimator, Known, Reading, Regression, Segmentation, load_estimator
+from laesi_tf.estimators.segmentation import is_rod
 
 SIZE = (64, 64)
 
@@ -146,3 +148,11 @@ def test_load_estimator_follows_the_runs_task(tmp_path: Path) -> None:
         load_estimator(area, mask_run=area)
     with pytest.raises(InputError, match="mask model itself"):
         load_estimator(mask, mask_run=mask)
+
+
+@pytest.mark.parametrize("turn", [0, 25, 90])
+def test_pens_are_no_leaves_and_slender_leaves_no_pens(turn):
+    pen = cv2.boxPoints(((300.0, 200.0), (400.0, 40.0), float(turn)))
+    leaf = cv2.ellipse2Poly((300, 200), (200, 20), turn, 0, 360, 3)
+    assert is_rod(pen) and not is_rod(leaf)
+    assert not is_rod(cv2.boxPoints(((300.0, 200.0), (400.0, 200.0), float(turn))))

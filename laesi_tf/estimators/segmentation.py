@@ -21,6 +21,8 @@ _BORDER_PX = 1.5
 """A leaf that comes this close to the photo's border is taken to go on beyond it."""
 _LEAST_PX = 50.0
 """Photo pixels of which nothing can be told."""
+_SLENDER, _STRAIGHT = 0.2, 0.8
+"""Width over length of a rod at most, and the share of its box that it fills at least."""
 _DOUBT, _MARGIN_PX = 0.57, 0.115
 """Standard deviation of a silhouette's area in units of its doubtful pixels: measured on fresh scenes."""
 
@@ -105,8 +107,20 @@ class Segmentation:
         """The leaves that were seen, at the photo's own resolution, in reading order."""
         found = [_outline(sight, views.size) for sight in sights]
         outlines = [outline for outline in found if shape(outline.margin, outline.holes).area >= _LEAST_PX]
+        if len(outlines) > 1:
+            outlines = [outline for outline in outlines if not is_rod(outline.margin)] or outlines
         boxes = np.array([[one.margin.min(axis=0), one.margin.max(axis=0)] for one in outlines])
         return [outlines[index] for index in in_reading_order(boxes.reshape(-1, 2, 2))]
+
+
+def is_rod(margin: np.ndarray) -> bool:
+    """Whether an outline [n, 2] is a pen's rather than a leaf's: slender, and it fills its box.
+
+    Slender leaves taper: an ellipse fills 0.785 of the box around it.
+    """
+    points = margin.astype(np.float32)
+    _, sides, _ = cv2.minAreaRect(points)
+    return min(sides) < _SLENDER * max(sides) and cv2.contourArea(points) > _STRAIGHT * sides[0] * sides[1]
 
 
 Part = tuple[Cut, np.ndarray]
