@@ -21,7 +21,7 @@ METHOD = "ruling x silhouette"
 FALLBACK = "regression, no ruling read"
 FALLBACK_SCALE = "silhouette x scale of the area model, no ruling read"
 FAINT = "the ruling was hard to read: look whether the lattice lies on it"
-_CONFIDENT = 0.5
+_CONFIDENT = 0.8
 """Confidence of the ruling below which the user is told to look."""
 _LIFT_MM, _LIFT_SPREAD_MM = 0.2, 0.3
 """A leaf's upper side is above its paper: by its thickness, about 0.2 mm of a fresh leaf that lies flat, and
