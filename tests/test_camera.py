@@ -110,7 +110,7 @@ def test_blur_is_opencvs(sigma: float) -> None:
     image = picture()
     kernel = cv2.getGaussianKernel(13, sigma)
     expected = [cv2.sepFilter2D(c, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE) for c in image]
-    found = camera.blur(tf.constant(image), tf.constant(sigma), reach=6)
+    found = camera.blur(tf.constant(image), tf.constant(sigma), 6)
     np.testing.assert_allclose(found, np.stack(expected), atol=1e-3)
 
 
@@ -119,14 +119,14 @@ def test_focus_blurs_by_millimetres_where_the_scene_has_it() -> None:
     sharp = camera.focus(image, middle(Camera(), blurred=False), tf.constant(3.0))
     np.testing.assert_array_equal(sharp, image)
     soft = camera.focus(image, middle(Camera(), blurred=True, blur_mm=0.1), tf.constant(3.5))
-    np.testing.assert_allclose(soft, camera.blur(image, tf.constant(0.35), reach=4), atol=1e-3)
+    np.testing.assert_allclose(soft, camera.blur(image, tf.constant(0.35), 4), atol=1e-3)
 
 
 def test_widest_blur_fits_its_taps() -> None:
     # At the closest view the widest blur is 0.25 mm * 224 / 70 px = 0.8 px.
     image = tf.constant(picture(size=(224, 224)))
     widest = camera.focus(image, middle(Camera(), blurred=True, blur_mm=0.25), tf.constant(224 / 70))
-    np.testing.assert_allclose(widest, camera.blur(image, tf.constant(0.8), reach=8), atol=0.06)
+    np.testing.assert_allclose(widest, camera.blur(image, tf.constant(0.8), 8), atol=0.06)
 
 
 def test_neutral_development_changes_nothing() -> None:
@@ -159,9 +159,13 @@ def test_sensor_noise_has_its_strength_and_is_stronger_in_the_shadows() -> None:
     assert noisy[:, 50:].std() == pytest.approx(0.04 * (1.25 - 0.54), rel=0.05)
 
 
+def softened(image: np.ndarray) -> tf.Tensor:
+    return camera.with_chroma(tf.constant(image), camera.halved_chroma(tf.constant(image)))
+
+
 def test_chroma_softness_leaves_luma_alone() -> None:
     image = picture(size=(41, 50))
-    soft = camera.chroma_softness(tf.constant(image)).numpy()
+    soft = softened(image).numpy()
     np.testing.assert_allclose(np.tensordot(LUMA, soft, 1), np.tensordot(LUMA, image, 1), atol=1e-5)
     chroma, before = (x[0] - np.tensordot(LUMA, x, 1) for x in (soft, image))
     assert np.abs(np.diff(chroma)).mean() < 0.6 * np.abs(np.diff(before)).mean()
@@ -175,4 +179,4 @@ def test_chroma_is_halved_and_doubled_as_resizing_does(size: tuple[int, int]) ->
     halved = even.reshape(3, even.shape[1] // 2, 2, even.shape[2] // 2, 2).mean(axis=(2, 4))
     doubled = [cv2.resize(c, even.shape[:0:-1], interpolation=cv2.INTER_LINEAR) for c in halved]
     expected = image - chroma + np.stack(doubled)[:, : size[0], : size[1]]
-    np.testing.assert_allclose(camera.chroma_softness(tf.constant(image)), expected, atol=1e-5)
+    np.testing.assert_allclose(softened(image), expected, atol=1e-5)

@@ -9,7 +9,6 @@ import tensorflow as tf
 from scenes import middle
 
 from laesi_tf.synthesis import light
-from laesi_tf.synthesis.frame import whole
 from laesi_tf.synthesis.keys import Key
 from laesi_tf.synthesis.light import Light
 
@@ -36,7 +35,7 @@ def centre_of(field: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("spread", [5.0, 9.0])
 def test_soften_is_a_gaussian_blur(spread: float) -> None:
     expected = cv2.GaussianBlur(disk(), (0, 0), spread, borderType=cv2.BORDER_CONSTANT)
-    found = light.soften(tf.constant(disk()), whole(SIZE), tf.constant(spread)).field.numpy()
+    found = light.soften(tf.constant(disk()), SIZE, tf.constant(spread)).field.numpy()
     # Blocks of four pixels widen it by 4 / sqrt(12) px in quadrature.
     np.testing.assert_allclose(found, expected, atol=0.02)
 
@@ -71,23 +70,23 @@ def plain(**given: float | bool) -> Light:
 
 
 def test_even_light_is_one() -> None:
-    np.testing.assert_allclose(light.illumination(plain(), Key(0, 0), SIZE), 1, atol=1e-4)
+    np.testing.assert_allclose(light.illumination(plain(), light.lattice(Key(0, 0)), SIZE), 1, atol=1e-4)
 
 
 def test_slope_brightens_towards_where_light_travels() -> None:
-    field = light.illumination(plain(slope=0.4, direction=0.0), Key(0, 0), SIZE).numpy()
+    field = light.illumination(plain(slope=0.4, direction=0.0), light.lattice(Key(0, 0)), SIZE).numpy()
     assert (np.diff(field[60]) > 0).all() and np.ptp(field[:, 80]) < 1e-3
     assert field[60, -1] - field[60, 0] == pytest.approx(0.4, abs=0.05)
 
 
 def test_vignette_darkens_corners() -> None:
-    field = light.illumination(plain(vignette=0.3), Key(0, 0), (160, 160)).numpy()
+    field = light.illumination(plain(vignette=0.3), light.lattice(Key(0, 0)), (160, 160)).numpy()
     assert field[80, 80] == pytest.approx(1, abs=0.01) and field[0, 0] == pytest.approx(0.85, abs=0.03)
 
 
 def test_a_hands_shadow_takes_its_strength_from_one_side() -> None:
     lit = plain(cast=True, cast_strength=0.5, cast_softness=0.02, cast_offset=0.0, cast_angle=0.0)
-    field = light.illumination(lit, Key(0, 0), SIZE).numpy()
+    field = light.illumination(lit, light.lattice(Key(0, 0)), SIZE).numpy()
     assert field[60, 5] == pytest.approx(1, abs=0.02) and field[60, 155] == pytest.approx(0.5, abs=0.02)
 
 

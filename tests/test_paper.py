@@ -145,10 +145,10 @@ def test_margin_is_the_distance_from_the_sheets_nearest_side() -> None:
 
 def test_wear_thins_the_ink_and_noise_has_its_weights() -> None:
     still = middle(Paper(), gradient_weight=0.0, voronoi_weight=0.0, simple_weight=0.0, print_wear=0.0)
-    blend, strength = paper.wear(still, Key(0, 0), (40, 60))
+    blend, strength = paper.wear(still, paper.lattices(Key(0, 0)), (40, 60))
     assert not blend.numpy().any() and (strength.numpy() == 1).all()
     worn = middle(Paper(), print_wear=0.5, gradient_weight=0.2)
-    blend, strength = paper.wear(worn, Key(0, 0), (40, 60))
+    blend, strength = paper.wear(worn, paper.lattices(Key(0, 0)), (40, 60))
     assert 0.5 <= strength.numpy().min() < 0.9 and strength.numpy().max() <= 1
     assert 0.05 < np.abs(blend.numpy()).max() < 0.5
 

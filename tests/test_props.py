@@ -9,7 +9,6 @@ from scenes import RENDERING_2, middle
 
 from laesi_tf.synthesis import raster, sample
 from laesi_tf.synthesis.editing import every_component
-from laesi_tf.synthesis.frame import whole
 from laesi_tf.synthesis.keys import Key
 from laesi_tf.synthesis.props import PROPS, Props, Stage, place, scatter, scribble
 from laesi_tf.synthesis.scene import Scene, geometry, leaf_edges
@@ -24,7 +23,7 @@ def staged(index: int) -> tuple[Scene, Stage, np.ndarray]:
     """A scene, its stage, and where [H, W] its leaf is."""
     scene = sample(4, index, RANGES)
     around = geometry(scene, SIZE)
-    cover = raster.fill(leaf_edges(around, SIZE), whole(SIZE))
+    cover = raster.fill(leaf_edges(around, SIZE), SIZE)
     return scene, Stage(leaf=around.outline, view=around.view, size=SIZE), np.abs(cover.numpy()) > 0.01
 
 

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from skimage.draw import polygon2mask
 
 from laesi_tf.synthesis import raster
-from laesi_tf.synthesis.frame import whole
 
 FAST = settings(max_examples=25, deadline=None)
 OFFSETS = st.floats(0, 1)
@@ -35,7 +34,7 @@ def filled(*polygons: np.ndarray, size: tuple[int, int] = (96, 128), pieces: int
         tf.reshape(raster.segments(raster.subdivide(tf.constant(points), pieces)), [-1, 2, 2])
         for points in polygons
     ]
-    return raster.fill(tf.concat(edges, axis=0), whole(size)).numpy()
+    return raster.fill(tf.concat(edges, axis=0), size).numpy()
 
 
 @FAST
@@ -90,7 +89,7 @@ def test_what_lies_outside_is_cut_off(x: float, y: float) -> None:
 
 def test_union_of_overlapping_shapes_covers_once() -> None:
     two = np.stack([ellipse((50, 48), (20, 20)), ellipse((62, 48), (20, 20))])
-    cover = raster.shape(tf.reshape(raster.segments(two), [-1, 2, 2]), whole((96, 128))).numpy()
+    cover = raster.union(raster.fill(tf.reshape(raster.segments(two), [-1, 2, 2]), (96, 128))).numpy()
     lens = 2 * 20**2 * math.acos(12 / 40) - 6 * math.sqrt(4 * 20**2 - 12**2)
     assert cover.max() <= 1 and cover.sum() == pytest.approx(2 * math.pi * 400 - lens, rel=2e-3)
 

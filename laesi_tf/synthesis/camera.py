@@ -137,7 +137,8 @@ def sheet_coordinates(to_px: tf.Tensor, size: Size) -> tuple[tf.Tensor, tf.Tenso
     return x * reciprocal, y * reciprocal
 
 
-def blur(image: tf.Tensor, sigma: tf.Tensor, *, reach: int) -> tf.Tensor:
+@fused
+def blur(image: tf.Tensor, sigma: tf.Tensor, reach: int) -> tf.Tensor:
     """Gaussian blur of [..., H, W] by `sigma` pixels, with 2 * `reach` + 1 taps on each axis."""
     taps = tf.exp(-0.5 * (tf.range(reach + 1, dtype=tf.float32) / tf.maximum(sigma, 1e-3)) ** 2)
     taps = tf.unstack(taps / (2 * tf.reduce_sum(taps) - 1))
@@ -166,17 +167,11 @@ def focus(image: tf.Tensor, camera: Camera, px_per_mm: tf.Tensor) -> tf.Tensor:
     """Focus blur of [3, H, W] where the scene has it."""
     reach = math.ceil(1.25 * _WIDEST_BLUR_MM * max(image.shape[1:]) / 70)
     return tf.cond(
-        camera.blurred, lambda: blur(image, camera.blur_mm * px_per_mm, reach=reach), lambda: image
+        camera.blurred, lambda: blur(image, camera.blur_mm * px_per_mm, reach), lambda: image
     )
 
 
-def chroma_softness(image: tf.Tensor) -> tf.Tensor:
-    """JPEG-like softness of [3, H, W]: colour at half resolution, luma untouched (4:2:0 subsampling)."""
-    return _doubled(image, _halved_chroma(image))
-
-
-@fused
-def _halved_chroma(image: tf.Tensor) -> tf.Tensor:
+def halved_chroma(image: tf.Tensor) -> tf.Tensor:
     """Means [3, ceil(H / 2), ceil(W / 2)] of colour less luma over blocks of two by two pixels."""
     _, height, width = image.shape
     last = tf.concat([image, image[:, -1:]], axis=1) if height % 2 else image
@@ -186,9 +181,11 @@ def _halved_chroma(image: tf.Tensor) -> tf.Tensor:
     return mean - _luma(mean)
 
 
-@fused
-def _doubled(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:
-    """Luma of `image` [3, H, W] with half-size `chroma` interpolated bilinearly to its size."""
+def with_chroma(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:
+    """Luma of `image` [3, H, W] with half-size `chroma` interpolated bilinearly to its size.
+
+    Of an image and its own `halved_chroma` it makes what JPEG does (4:2:0 subsampling): softer colour.
+    """
     for axis in (1, 2):
         length = chroma.shape[axis]
         first, rest = tf.split(chroma, [1, length - 1], axis)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise, paper
-from laesi_tf.synthesis.frame import Size, whole
+from laesi_tf.synthesis.frame import Size
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -29,12 +29,16 @@ class Desk:
     shadow_mm: Number = (1.0, 8.0)
 
 
-def grain(top: Desk, key: Key, size: Size) -> tf.Tensor:
-    """Grain [H, W] of the table top, about [-1, 1]."""
-    lattice = key.uniform([_NODES, _NODES], Purpose.DESK)
+def lattice(key: Key) -> tf.Tensor:
+    """The uniform numbers [n, n] behind a table top's `grain`."""
+    return key.uniform([_NODES, _NODES], Purpose.DESK)
+
+
+def grain(top: Desk, lattice: tf.Tensor, size: Size) -> tf.Tensor:
+    """Grain [H, W] of the table top, about [-1, 1], from its `lattice`."""
     # Repeating one column along a row stretches the noise into fibres without a second kind of noise.
     fibres = tf.where(top.lengthwise, 0.75 * lattice[:, :1] + 0.25 * lattice, lattice)
-    return noise.simple(fibres, whole(size), cells=top.grain_cells).field
+    return noise.simple(fibres, size, cells=top.grain_cells).field
 
 
 def desk(top: Desk, grained: tf.Tensor, distance_mm: tf.Tensor) -> tf.Tensor:

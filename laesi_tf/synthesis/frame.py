@@ -1,60 +1,53 @@
-"""Which part of a picture is drawn: all of it, or the window that the leaf covers."""
+"""How large a picture is, and windows of it: what is small is drawn in no more of the picture than it covers."""
 
 from typing import NamedTuple
 
 import tensorflow as tf
 
 Size = tuple[int, int]
+"""Height and width in pixels."""
 _STEP = 32
 
 
-class Frame(NamedTuple):
-    """A rectangle of pixels, sides as ints or int32 scalars; `longest` is the whole picture's longer side."""
-
-    height: tf.Tensor | int
-    width: tf.Tensor | int
-    longest: int
-
-
 class Window(NamedTuple):
-    """A frame and the corner (`top`, `left`) at which it lies in the picture."""
+    """A rectangle of a picture's pixels, int32 scalars."""
 
     top: tf.Tensor
     left: tf.Tensor
-    frame: Frame
+    height: tf.Tensor
+    width: tf.Tensor
 
     @property
     def corner(self) -> tf.Tensor:
         """Top left corner [2] (x, y) in pixels."""
         return tf.cast(tf.stack([self.left, self.top]), tf.float32)
 
+    @property
+    def size(self) -> tuple[tf.Tensor, tf.Tensor]:
+        """Height and width."""
+        return self.height, self.width
+
     def cut(self, image: tf.Tensor) -> tf.Tensor:
         """The window's part of an image [3, H, W]."""
-        return tf.slice(image, [0, self.top, self.left], [3, self.frame.height, self.frame.width])
+        return tf.slice(image, [0, self.top, self.left], [3, self.height, self.width])
 
-    def paste(self, field: tf.Tensor, size: Size) -> tf.Tensor:
-        """A field [..., h, w] of the window in a picture [..., H, W] of zeros."""
-        below = size[0] - self.top - self.frame.height
-        beside = size[1] - self.left - self.frame.width
-        padding = [[0, 0]] * (field.shape.rank - 2) + [[self.top, below], [self.left, beside]]
-        return tf.ensure_shape(tf.pad(field, padding), [*field.shape[:-2], *size])
-
-
-def whole(size: Size) -> Frame:
-    """The frame of a whole picture."""
-    return Frame(*size, longest=max(size))
+    def paste(self, part: tf.Tensor, size: Size) -> tf.Tensor:
+        """A `part` [3, h, w] that fills the window in an image [3, H, W] of zeros."""
+        below, beside = size[0] - self.top - self.height, size[1] - self.left - self.width
+        padding = [[0, 0], [self.top, below], [self.left, beside]]
+        return tf.ensure_shape(tf.pad(part, padding), [3, *size])
 
 
-def window(low: tf.Tensor, high: tf.Tensor, size: Size) -> Window:
-    """A window of a picture around the box from `low` to `high` [2] (x, y) in pixels.
+def window(low: tf.Tensor, high: tf.Tensor, size: tf.Tensor) -> Window:
+    """A window of a picture of `size` int32 [2] around the box from `low` to `high` [2] (x, y) in pixels.
 
     Its sides are multiples of 32 where the picture is large enough: libraries that compile a kernel for each
     shape then meet few of them.
     """
-    frame_size = tf.constant([size[1], size[0]])
-    corner = tf.clip_by_value(tf.cast(tf.floor(low), tf.int32), 0, frame_size - 1)
+    sides = tf.reverse(size, [0])
+    corner = tf.clip_by_value(tf.cast(tf.floor(low), tf.int32), 0, sides - 1)
     extent = tf.maximum(tf.cast(tf.math.ceil(high), tf.int32) - corner, 1)
-    extent = tf.minimum((extent + _STEP - 1) // _STEP * _STEP, frame_size)
-    left, top = tf.unstack(tf.minimum(corner, frame_size - extent))
+    extent = tf.minimum((extent + _STEP - 1) // _STEP * _STEP, sides)
+    left, top = tf.unstack(tf.minimum(corner, sides - extent))
     width, height = tf.unstack(extent)
-    return Window(top, left, Frame(height, width, max(size)))
+    return Window(top, left, height, width)

@@ -7,6 +7,7 @@ the same curve, so mask, shadow and label all come from one polygon.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
@@ -179,28 +180,42 @@ KINDS: dict[str, tuple[float, Leaf]] = {
 network trained on synthesis alone from taking every leaf for one of the two."""
 
 
+class Ring(NamedTuple):
+    """An outline through unevenly spaced `points` [n, 2], its `lengths`, and its points `passed`."""
+
+    points: tf.Tensor
+    travelled: tf.Tensor
+    before: tf.Tensor
+
+
 def outline(leaf: Leaf, key: Key) -> tf.Tensor:
     """The closed outline in leaf coordinates, petiole included: [OUTLINE_POINTS, 2] mm, evenly spaced.
 
     Runs from the petiole's end along the left side to the tip and back along the right side.
     """
+    return raster.spaced(*ring(leaf, key))
+
+
+def ring(leaf: Leaf, key: Key) -> Ring:
+    """The outline before its points are spaced evenly."""
     normals = key.normal([2, CONTROLS + 2 * _FINE, 2], Purpose.OUTLINE)
-    ring = _ring(leaf, normals, key.uniform([2, BITES, 3], Purpose.BITES))
-    return raster.resample(ring, OUTLINE_POINTS)
+    points, travelled = _ring(leaf, normals, key.uniform([2, BITES, 3], Purpose.BITES))
+    return Ring(points, travelled, raster.passed(travelled, OUTLINE_POINTS))
 
 
 @fused
-def _ring(leaf: Leaf, normals: tf.Tensor, bites: tf.Tensor) -> tf.Tensor:
-    """The outline [n, 2] through the points that its curves are made of, which are spaced unevenly."""
+def _ring(leaf: Leaf, normals: tf.Tensor, bites: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """The outline [n, 2] through the points that its curves are made of, and its `lengths`."""
     controls, fine = normals[:, :CONTROLS], normals[:, CONTROLS:, 0]
     along, across = _blade(leaf, controls, fine, bites)
     along, across = along * leaf.length_mm, across * leaf.length_mm
     stalk = leaf.petiole_width_mm / 2 * tf.maximum(1 - along / leaf.length_mm, 0) ** 4
     across = tf.sqrt(across * across + stalk * stalk)
     reach, thickness = _petiole(leaf)
-    ring = tf.concat([reach, along[0], along[1, ::-1], reach[::-1]], axis=0)
+    way = tf.concat([reach, along[0], along[1, ::-1], reach[::-1]], axis=0)
     offset = tf.concat([-thickness, -across[0], across[1, ::-1], thickness[::-1]], axis=0)
-    return _bend(leaf, ring, offset)
+    points = _bend(leaf, way, offset)
+    return points, raster.lengths(points)
 
 
 def holes(leaf: Leaf, key: Key) -> tf.Tensor:
@@ -210,11 +225,16 @@ def holes(leaf: Leaf, key: Key) -> tf.Tensor:
     within the middle of the half-blade, so holes never meet each other or the margin. Bitten leaves have
     none: a bite may reach where a hole would be.
     """
-    return _hole_outlines(leaf, key.uniform([HOLES, 8], Purpose.HOLES))
+    return hole_outlines(leaf, hole_places(key))
 
 
-@fused
-def _hole_outlines(leaf: Leaf, place: tf.Tensor) -> tf.Tensor:
+def hole_places(key: Key) -> tf.Tensor:
+    """The numbers [HOLES, 8] in [0, 1) behind `holes`."""
+    return key.uniform([HOLES, 8], Purpose.HOLES)
+
+
+def hole_outlines(leaf: Leaf, place: tf.Tensor) -> tf.Tensor:
+    """`holes` from their `hole_places`."""
     along = 0.28 + (tf.range(HOLES, dtype=tf.float32) + 0.2 + 0.6 * place[:, 0]) * (0.44 / HOLES)
     half_width = _half_width(leaf, along) * (1 - leaf.lobe_depth) * 0.5 * leaf.aspect
     side = tf.where(place[:, 1] < 0.5, -1.0, 1.0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
-from laesi_tf.synthesis.frame import Frame, Size, whole
+from laesi_tf.synthesis.frame import Size
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -64,7 +64,7 @@ def shadow(coverage: tf.Tensor, light: Light, size: Size, px_per_mm: tf.Tensor) 
     The caster is shifted by p and blurred by sz while it is interpolated from a quarter of the resolution.
     """
     shift = light.offset_mm * px_per_mm * direction(light)
-    return soften(coverage, whole(size), light.softness_mm * px_per_mm, shift=shift).field
+    return soften(coverage, size, light.softness_mm * px_per_mm, shift=shift).field
 
 
 def shaded(image: tf.Tensor, depth: tf.Tensor, light: Light) -> tf.Tensor:
@@ -74,22 +74,22 @@ def shaded(image: tf.Tensor, depth: tf.Tensor, light: Light) -> tf.Tensor:
 
 def soften(
     coverage: tf.Tensor,
-    frame: Frame,
+    size: Size,
     spread_px: tf.Tensor,
     *,
     shift: tf.Tensor | tuple[float, float] = (0.0, 0.0),
 ) -> noise.Factors:
     """Blur a field [H, W] that ends in zeros by a Gaussian of `spread_px` and shift it by (x, y) pixels."""
-    coarse = _block_means(coverage, frame)
-    down = _smear(frame.height, shift[1], spread_px)
-    across = _smear(frame.width, shift[0], spread_px)
+    coarse = _block_means(coverage, size)
+    down = _smear(size[0], shift[1], spread_px)
+    across = _smear(size[1], shift[0], spread_px)
     return noise.Factors(down @ coarse, across)
 
 
-def _block_means(field: tf.Tensor, frame: Frame) -> tf.Tensor:
+def _block_means(field: tf.Tensor, size: Size) -> tf.Tensor:
     """Means over blocks of `_COARSE` pixels a side. Sums along one axis at a time: avg_pool2d takes thrice
     as long on a single channel."""
-    padded = tf.pad(field, [[0, -frame.height % _COARSE], [0, -frame.width % _COARSE]])
+    padded = tf.pad(field, [[0, -size[0] % _COARSE], [0, -size[1] % _COARSE]])
     rows = tf.reduce_sum(tf.reshape(padded, [-1, _COARSE, tf.shape(padded)[1]]), axis=1)
     blocks = tf.reduce_sum(tf.reshape(rows, [tf.shape(rows)[0], -1, _COARSE]), axis=2)
     return blocks * (1 / _COARSE**2)
@@ -105,17 +105,21 @@ def _smear(length: tf.Tensor | int, shift: tf.Tensor | float, spread_px: tf.Tens
     return tf.exp(-0.5 * distance * distance) * (_COARSE / (spread * math.sqrt(2 * math.pi)))
 
 
-def illumination(light: Light, key: Key, size: Size) -> tf.Tensor:
-    """Relative illumination [H, W]: fall-off, vignetting, unevenness and cast shadows."""
+def lattice(key: Key) -> tf.Tensor:
+    """The uniform numbers [8, 8] behind uneven `illumination`."""
+    return key.uniform([8, 8], Purpose.ILLUMINATION)
+
+
+def illumination(light: Light, values: tf.Tensor, size: Size) -> tf.Tensor:
+    """Relative illumination [H, W]: fall-off, vignetting, unevenness (from its `lattice`) and cast shadows."""
     x, y = _frame(LATTICE)
     along = direction(light)
     field = 1 + light.slope * (x * along[0] + y * along[1]) - light.vignette * (x * x + y * y)
-    random = key.uniform([8, 8], Purpose.ILLUMINATION)
-    field *= 1 + light.unevenness * noise.simple(random, whole((LATTICE, LATTICE))).field
+    field *= 1 + light.unevenness * noise.simple(values, (LATTICE, LATTICE)).field
     distance = x * tf.cos(light.cast_angle) + y * tf.sin(light.cast_angle) - light.cast_offset
     strength = light.cast_strength * tf.cast(light.cast, tf.float32)
     field *= 1 - strength * tf.sigmoid(distance / light.cast_softness)
-    return noise.upsample(field, whole(size)).field
+    return noise.upsample(field, size).field
 
 
 def facing(slopes: tuple[tf.Tensor, tf.Tensor], light: Light) -> tf.Tensor:
@@ -143,7 +147,7 @@ def glass(light: Light, size: Size) -> tf.Tensor:
         bars = tf.sigmoid((tf.abs(tf.abs(along) - 0.2) - 0.02) / 0.01) * tf.sigmoid(
             (0.42 - tf.abs(along)) / 0.03
         )
-        return light.glass_veil + light.glass_strength * noise.upsample(pane * bars, whole(size)).field
+        return light.glass_veil + light.glass_strength * noise.upsample(pane * bars, size).field
 
     return tf.cond(light.glass, reflect, lambda: tf.zeros(size))
 

@@ -2,7 +2,7 @@
 
 Every field is a product of small matrices: a random lattice between two interpolation matrices. Nothing
 is hashed per pixel, so low-frequency noise costs next to nothing at any picture size.
-Fields are float32 [H, W] of a frame, kept as those matrices (`Factors`) until they are needed; `cells` is how
+Fields are float32 [H, W], kept as those matrices (`Factors`) until they are needed; `cells` is how
 many lattice cells span the picture's longer side.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis.frame import Frame, Size
+from laesi_tf.synthesis.frame import Size
 
 
 def _fade(x: tf.Tensor) -> tf.Tensor:
@@ -20,11 +20,11 @@ def _fade(x: tf.Tensor) -> tf.Tensor:
     return x * x * x * (x * (x * 6 - 15) + 10)
 
 
-def _offsets(frame: Frame, nodes: int, cells: tf.Tensor | float) -> tuple[tf.Tensor, tf.Tensor]:
+def _offsets(size: Size, nodes: int, cells: tf.Tensor | float) -> tuple[tf.Tensor, tf.Tensor]:
     """Offsets [H, nodes] and [W, nodes] of each pixel from each lattice node, in cells."""
-    pixels = (tf.range(frame.longest, dtype=tf.float32) + 0.5) * (cells / frame.longest)
+    pixels = (tf.range(max(size), dtype=tf.float32) + 0.5) * (cells / max(size))
     offsets = pixels[:, None] - tf.range(nodes, dtype=tf.float32)
-    return offsets[: frame.height], offsets[: frame.width]
+    return offsets[: size[0]], offsets[: size[1]]
 
 
 def _spline(offsets: tf.Tensor) -> tf.Tensor:
@@ -57,7 +57,7 @@ class Factors:
         return tf.linalg.matmul(self.down, self.across, transpose_b=True)
 
 
-def upsample(lattice: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> Factors:
+def upsample(lattice: tf.Tensor, size: Size, *, cells: tf.Tensor | float | None = None) -> Factors:
     """Interpolate a lattice [n, n] smoothly over a picture.
 
     `cells` defaults to as many as the lattice holds, n - 3, and is never more: a spline reaches one node
@@ -65,26 +65,26 @@ def upsample(lattice: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | Non
     """
     nodes = lattice.shape[-1]
     cells = nodes - 3 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 3)
-    down, across = (_spline(offsets + 1) for offsets in _offsets(frame, nodes, cells))
+    down, across = (_spline(offsets + 1) for offsets in _offsets(size, nodes, cells))
     return Factors(down @ lattice, across)
 
 
-def simple(values: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> Factors:
+def simple(values: tf.Tensor, size: Size, *, cells: tf.Tensor | float | None = None) -> Factors:
     """Simple (value) noise S: `values` [n, n] uniform in [0, 1), scaled to mean 0 and about [-1, 1].
 
     The spline averages neighbours, which halves the values' spread; hence the factor.
     """
-    return upsample(values * 4 - 2, frame, cells=cells)
+    return upsample(values * 4 - 2, size, cells=cells)
 
 
-def gradient(gradients: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float | None = None) -> Factors:
+def gradient(gradients: tf.Tensor, size: Size, *, cells: tf.Tensor | float | None = None) -> Factors:
     """Gradient (Perlin) noise G from `gradients` [2, n, n] in (-1, 1): about [-1, 1], zero at the nodes.
 
     Perlin's sum over the four corners of fade(x) fade(y) (g . d) is separable, hence the matrix products.
     """
     nodes = gradients.shape[-1]
     cells = nodes - 1 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 1)
-    down, across = _offsets(frame, nodes, cells)
+    down, across = _offsets(size, nodes, cells)
     down_weights, across_weights = (_fade(tf.maximum(1 - tf.abs(offsets), 0)) for offsets in (down, across))
     along_x = Factors(down_weights @ gradients[0], across_weights * across * 1.4)
     along_y = Factors((down_weights * down) @ gradients[1], across_weights * 1.4)
@@ -115,10 +115,10 @@ def voronoi_lattice(jitter: tf.Tensor) -> tf.Tensor:
     return tf.reshape(tf.sqrt(tf.reduce_min(down * down + across * across, axis=0)), [side, side])
 
 
-def voronoi(jitter: tf.Tensor, frame: Frame, *, cells: tf.Tensor | float = VORONOI_CELLS) -> Factors:
+def voronoi(jitter: tf.Tensor, size: Size, *, cells: tf.Tensor | float = VORONOI_CELLS) -> Factors:
     """Voronoi noise V: distance to the nearest feature point, mean about 0, range about [-1, 1]."""
     span = tf.minimum(tf.cast(cells, tf.float32), VORONOI_CELLS) * _SAMPLES - 3
-    return upsample(voronoi_lattice(jitter) * 2 - 0.9, frame, cells=span)
+    return upsample(voronoi_lattice(jitter) * 2 - 0.9, size, cells=span)
 
 
 def blend(
@@ -139,7 +139,8 @@ def grain(offset: tf.Tensor, size: Size) -> tf.Tensor:
     """Noise [3, H, W] of unit variance, cut at uniform `offset` [2] in [0, 1) from one fixed bank.
 
     Drawing 150,000 fresh normals costs more than the rest of the camera; a random window of a bank 256 pixels
-    wider than the picture looks the same to anything that sees one picture at a time.
+    wider than the picture looks the same to anything that sees one picture at a time. Not to be compiled:
+    that makes the cut cost a thousand times as much.
     """
     slack = 256
     bank = tf.constant(_grain_bank(max(size) + slack))

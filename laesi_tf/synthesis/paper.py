@@ -8,13 +8,13 @@ line widths near half the pitch only the first sine is left, which is the paper'
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
-from laesi_tf.synthesis.frame import Size, whole
-from laesi_tf.synthesis.fusing import fused
+from laesi_tf.synthesis.frame import Size
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -26,6 +26,7 @@ _FREQUENCY = np.concatenate(
 )
 """Spatial frequencies B / 2 pi of all sines, cycles per mm, family after family."""
 _MEMBERSHIP = np.repeat(np.eye(len(_PITCHES), dtype=np.float32), _HARMONICS, axis=1)
+_UNIT = 2**16 - 1
 _GRADIENT_NODES = 16
 _SIMPLE_NODES = 30
 
@@ -108,11 +109,12 @@ def line_profiles(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Ten
     return tf.clip_by_value((coefficients * tf.constant(_MEMBERSHIP)) @ sines + share[:, None], 0, 1)
 
 
-@fused
 def transmission(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
-    """Light that passes lines across x (fine, heavy) and down y (fine, heavy) over one period: [4, n].
+    """Light that passes fine and heavy lines across x and down y over one period: int32 [2, n].
 
-    A ruling is a product of lines along either axis, so two profiles each hold all of it.
+    A ruling is a product of lines along either axis, so two profiles hold all of it. Each number holds that of
+    the fine lines in its upper and that of the heavy lines in its lower 16 bits, in 65535ths: `ruling` looks a
+    pair up at once, since looking up costs more than all else that it does.
     """
     profiles = line_profiles(paper, samples, footprint_mm)
     # Without a heavy family the sheet would be a plain 1 mm grid, which is not sold: keep one of the two.
@@ -120,19 +122,29 @@ def transmission(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tens
     strength_5mm = paper.strength_5mm * tf.cast(paper.has_5mm, tf.float32)
     strengths = tf.stack([paper.strength_1mm, strength_5mm, paper.strength_10mm * has_10mm])[:, None]
     across, down = 1 - profiles * strengths, 1 - profiles * tf.minimum(strengths * paper.balance, 1)
-    return tf.stack([across[0], across[1] * across[2], down[0], down[1] * down[2]])
+    fine = tf.stack([across[0], down[0]])
+    heavy = tf.stack([across[1] * across[2], down[1] * down[2]])
+    whole = tf.cast(tf.stack([fine, heavy]) * _UNIT + 0.5, tf.int32)
+    return tf.bitwise.bitwise_or(tf.bitwise.left_shift(whole[0], 16), whole[1])
 
 
 def ruling(paper: Paper, passing: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Coverage [H, W] by fine and by heavy lines at `x_mm`, `y_mm` [H, W].
 
-    `passing` [4, n] is the sheet's `transmission`.
+    `passing` int32 [2, n] is the sheet's `transmission`.
     """
-    column = _cell(x_mm + paper.phase_x, passing.shape[1])
-    row = _cell(y_mm + paper.phase_y, passing.shape[1])
-    fine = 1 - tf.gather(passing[0], column) * tf.gather(passing[2], row)
-    heavy = 1 - tf.gather(passing[1], column) * tf.gather(passing[3], row)
-    return fine, heavy
+    pairs = (
+        tf.gather(passing[axis], _cell(position, passing.shape[1]))
+        for axis, position in enumerate((x_mm + paper.phase_x, y_mm + paper.phase_y))
+    )
+    (fine_x, heavy_x), (fine_y, heavy_y) = (_parted(pair) for pair in pairs)
+    return 1 - fine_x * fine_y, 1 - heavy_x * heavy_y
+
+
+def _parted(pair: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """The two numbers in [0, 1] that each int32 of `pair` holds."""
+    upper = tf.bitwise.bitwise_and(tf.bitwise.right_shift(pair, 16), _UNIT)
+    return tuple(tf.cast(half, tf.float32) / _UNIT for half in (upper, tf.bitwise.bitwise_and(pair, _UNIT)))
 
 
 def absorbed(paper: Paper, fine: tf.Tensor, heavy: tf.Tensor) -> tf.Tensor:
@@ -147,27 +159,33 @@ def colour(paper: Paper) -> tf.Tensor:
     return tint(paper.hue, saturation)[:, None, None] * paper.brightness
 
 
-def wear(paper: Paper, key: Key, size: Size) -> tuple[tf.Tensor, tf.Tensor]:
+class Lattices(NamedTuple):
+    """Uniform numbers behind a sheet's wear: `gradients`, `values` (of the blend, of the ink) and Voronoi
+    `jitter`, each [2, n, n]."""
+
+    gradients: tf.Tensor
+    values: tf.Tensor
+    jitter: tf.Tensor
+
+
+def lattices(key: Key) -> Lattices:
+    """The numbers of one sheet's `wear`."""
+    return Lattices(
+        gradients=key.uniform([2, _GRADIENT_NODES, _GRADIENT_NODES], Purpose.PAPER_GRADIENT),
+        values=key.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Purpose.PAPER),
+        jitter=key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.PAPER_VORONOI),
+    )
+
+
+def wear(paper: Paper, drawn: Lattices, size: Size) -> tuple[tf.Tensor, tf.Tensor]:
     """The blended noise L of the paper's section 3.1, and the ink's relative strength: both [H, W]."""
-    gradients = key.uniform([2, _GRADIENT_NODES, _GRADIENT_NODES], Purpose.PAPER_GRADIENT)
-    values = key.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Purpose.PAPER)
-    jitter = key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.PAPER_VORONOI)
-    return _worn(paper, gradients, values, jitter, size)
-
-
-@fused
-def _worn(
-    paper: Paper, gradients: tf.Tensor, values: tf.Tensor, jitter: tf.Tensor, size: Size
-) -> tuple[tf.Tensor, tf.Tensor]:
-    """`wear` from uniform numbers [2, n, n] for each of its noises; `values` also hold the ink's."""
-    frame = whole(size)
     fields = (
-        noise.gradient(gradients * 2 - 1, frame, cells=paper.gradient_cells),
-        noise.voronoi(jitter, frame, cells=paper.voronoi_cells),
-        noise.simple(values[0], frame, cells=paper.simple_cells),
+        noise.gradient(drawn.gradients * 2 - 1, size, cells=paper.gradient_cells),
+        noise.voronoi(drawn.jitter, size, cells=paper.voronoi_cells),
+        noise.simple(drawn.values[0], size, cells=paper.simple_cells),
     )
     weights = (paper.gradient_weight, paper.voronoi_weight, paper.simple_weight)
-    strength = noise.upsample(values[1], frame, cells=paper.simple_cells)
+    strength = noise.upsample(drawn.values[1], size, cells=paper.simple_cells)
     return noise.blend(weights, fields).field, 1 - paper.print_wear * strength.field
 
 

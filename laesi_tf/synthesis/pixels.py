@@ -1,15 +1,14 @@
-"""What becomes of one pixel: sheet and desk, leaf, light, camera, each a few products and sums, in one loop.
+"""What becomes of the pixels: sheet and desk, leaf, light, camera, each compiled into a few loops.
 
-The fields that the loops read (coverage, noise, softened shadows) are made beforehand; a field is missing
-where its component is left out of every picture. Images are [3, H, W] and fields [H, W] in [0, 1].
+Images are [3, H, W] and fields [H, W] in [0, 1]. `parts` names the components that pictures may have.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import tensorflow as tf
 
-from laesi_tf.synthesis import camera, desk, light, paper, surface
-from laesi_tf.synthesis.camera import Camera
+from laesi_tf.synthesis import camera, desk, light, noise, paper, raster, surface, veins
+from laesi_tf.synthesis.camera import Camera, View
 from laesi_tf.synthesis.desk import Desk
 from laesi_tf.synthesis.frame import Size
 from laesi_tf.synthesis.fusing import fused
@@ -17,127 +16,168 @@ from laesi_tf.synthesis.light import Light
 from laesi_tf.synthesis.paper import Paper
 from laesi_tf.synthesis.surface import Surface
 
+Parts = tuple[str, ...]
 Field = Any
 """A tensor, or None where the component is left out."""
 
 
-class Print(NamedTuple):
-    """Fields of the sheet: its shade by noise and creases, its ink's strength, its fine and heavy lines."""
-
-    shade: tf.Tensor
-    strength: Field = None
-    lines: tuple[tf.Tensor, tf.Tensor] | None = None
-
-
-class Blade(NamedTuple):
-    """Fields of the leaf, named after the functions of `surface` that make them."""
-
-    coverage: tf.Tensor
-    blend: Field = None
-    mottle: Field = None
-    texture: Field = None
-    inwardness: Field = None
-    spots: Field = None
-    ridges: Field = None
-    facing: Field = None
-
-
 @fused
-def creased(sheet: Paper, shade: tf.Tensor, to_px: tf.Tensor, fov_mm: tf.Tensor) -> tf.Tensor:
-    """`shade` [H, W] with a fold across it."""
-    return shade + paper.crease(sheet, *camera.sheet_coordinates(to_px, tuple(shade.shape)), fov_mm)
-
-
-@fused
-def ruled(sheet: Paper, passing: tf.Tensor, to_px: tf.Tensor, size: Size) -> tuple[tf.Tensor, tf.Tensor]:
-    """Coverage [H, W] by the fine and the heavy lines of a sheet with `transmission` `passing`."""
-    return paper.ruling(sheet, passing, *camera.sheet_coordinates(to_px, size))
-
-
-@fused
-def margin(sheet: Paper, extent: tf.Tensor, to_px: tf.Tensor, size: Size) -> tf.Tensor:
-    """Distance [H, W] in mm from the end of a sheet around a leaf; `extent` [2, 2] are corners of its box."""
-    return paper.margin(sheet, extent, *camera.sheet_coordinates(to_px, size))
-
-
-@fused
-def filling(sheet: Paper, made: Print) -> tf.Tensor:
-    """A sheet that fills the frame."""
-    return paper.colour(sheet) * made.shade * (1 - _inks(sheet, made))
-
-
-@fused
-def on_desk(
-    sheet: Paper, made: Print, top: Desk, grain: tf.Tensor, distance: tf.Tensor, px_per_mm: tf.Tensor
+def page(
+    sheet: Paper,
+    worn: paper.Lattices,
+    table: Desk,
+    grain: tf.Tensor,
+    extent: tf.Tensor,
+    view: View,
+    size: Size,
+    parts: Parts,
 ) -> tf.Tensor:
-    """A sheet that ends, by its `margin` `distance`, on a desk with `grain`."""
-    printed = tf.clip_by_value((distance - sheet.border_mm) * px_per_mm + 0.5, 0, 1)
-    on_sheet = tf.clip_by_value(distance * px_per_mm + 0.5, 0, 1)
-    table = desk.desk(top, grain, distance)
-    page = paper.colour(sheet) * made.shade * (1 - printed * _inks(sheet, made))
-    return table + on_sheet * (page - table)
+    """The sheet, and the desk where the sheet ends: [3, H, W]. `extent` [2, 2] are corners of the leaf's box."""
+    x_mm, y_mm = camera.sheet_coordinates(view.to_px, size)
+    shade, strength, lines = tf.ones(size), None, None
+    if "paper_noise" in parts:
+        blend, strength = paper.wear(sheet, worn, size)
+        shade += blend
+    if "crease" in parts:
+        shade = tf.cond(
+            sheet.creased, lambda: shade + paper.crease(sheet, x_mm, y_mm, view.fov_mm), lambda: shade
+        )
+    if "ruling" in parts:
+        passing = paper.transmission(sheet, paper.samples_per_mm(size), 1 / view.px_per_mm)
+        lines = paper.ruling(sheet, passing, x_mm, y_mm)
 
+    def inks() -> tf.Tensor | float:
+        if lines is None:
+            return 0.0
+        absorbed = paper.absorbed(sheet, *lines)
+        return absorbed if strength is None else absorbed * strength
 
-def _inks(sheet: Paper, made: Print) -> tf.Tensor | float:
-    if made.lines is None:
-        return 0.0
-    inks = paper.absorbed(sheet, *made.lines)
-    return inks if made.strength is None else inks * made.strength
+    def filling() -> tf.Tensor:
+        return paper.colour(sheet) * shade * (1 - inks())
+
+    def on_desk() -> tf.Tensor:
+        distance = paper.margin(sheet, extent, x_mm, y_mm)
+        printed = tf.clip_by_value((distance - sheet.border_mm) * view.px_per_mm + 0.5, 0, 1)
+        on_sheet = tf.clip_by_value(distance * view.px_per_mm + 0.5, 0, 1)
+        beyond = desk.desk(table, desk.grain(table, grain, size), distance)
+        return beyond + on_sheet * (paper.colour(sheet) * shade * (1 - printed * inks()) - beyond)
+
+    return tf.cond(sheet.edged, on_desk, filling) if "desk" in parts else filling()
 
 
 @fused
-def facing(height: tf.Tensor, lit: Light, px_per_mm: tf.Tensor) -> tf.Tensor:
-    """How far [H, W] the surface of a height map in mm leans towards the light."""
-    return light.facing(surface.normals(height, px_per_mm), lit)
+def with_leaf(
+    image: tf.Tensor,
+    edge_heights: list[tf.Tensor],
+    skin: Surface,
+    drawn: surface.Lattices,
+    texture: Field,
+    lit: Light,
+    px_per_mm: tf.Tensor,
+    parts: Parts,
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """The scene `image` with the leaf and its shadow on it, and the leaf's mask uint8 [H, W].
+
+    `edge_heights` are the sums of what the edges of the leaf and, where it has veins, of these leave.
+    """
+    size = image.shape[1], image.shape[2]
+    # The outline runs clockwise, which fills with -1. Where a margin crosses itself it turns the other way:
+    # that is leaf neither for the mask nor for the label.
+    coverage = tf.clip_by_value(-raster.accumulated(edge_heights[0], size)[0], 0, 1)
+    if "shadow" in parts:
+        depth = light.shadow(coverage, lit, size, px_per_mm)
+        image = light.shaded(image, depth, lit)
+    if "surface" in parts:
+        colour = _skin(coverage, edge_heights, skin, drawn, texture, lit, px_per_mm, parts, size)
+    else:
+        colour = surface.base_colours(skin)[0]
+    return image + coverage * (colour - image), tf.cast(coverage + 0.5, tf.uint8)
 
 
-@fused
-def with_leaf(image: tf.Tensor, blade: Blade, shadow: Field, skin: Surface, lit: Light) -> tf.Tensor:
-    """The scene `image` with the leaf and its shadow on it."""
-    if shadow is not None:
-        image = light.shaded(image, shadow, lit)
-    return image + blade.coverage * (_leaf(blade, skin, lit) - image)
+def _skin(
+    coverage: tf.Tensor,
+    edge_heights: list[tf.Tensor],
+    skin: Surface,
+    drawn: surface.Lattices,
+    texture: Field,
+    lit: Light,
+    px_per_mm: tf.Tensor,
+    parts: Parts,
+    size: Size,
+) -> tf.Tensor:
+    """The leaf's lit surface [3, H, W]."""
+    blend, mottle = surface.blend(skin, drawn.blend, size), surface.mottle(skin, drawn.mottle, size)
+    colour = surface.blade(skin, blend, mottle, texture)
+    if "browned_margin" in parts:
+        inwardness = tf.cond(
+            skin.margin_browned,
+            lambda: light.soften(coverage, size, 3.0 * px_per_mm).field,
+            lambda: tf.ones_like(coverage),
+        )
+        colour = surface.browned_margin(colour, skin, inwardness)
+    if "spots" in parts:
+        colour = surface.spotted(colour, skin, surface.spots(skin, drawn.spots, size))
+    ridges = None
+    if "veins" in parts:
+        ridges = veins.height(raster.accumulated(edge_heights[1], size)[0])
+        colour = surface.vein_tint(colour, skin, ridges)
+    if "relief" in parts:
+        height = _height(ridges, skin, drawn, px_per_mm, parts, size)
+        colour = light.relief(colour, light.facing(surface.normals(height, px_per_mm), lit), lit)
+    return colour
+
+
+def _height(
+    ridges: Field, skin: Surface, drawn: surface.Lattices, px_per_mm: tf.Tensor, parts: Parts, size: Size
+) -> tf.Tensor:
+    """Height map [H, W] of the leaf's surface in mm: the blade bulges between its veins, which stand proud."""
+    height = noise.Factors(tf.zeros([size[0], 1]), tf.zeros([size[1], 1]))
+    if "undulation" in parts:
+        height += surface.undulation(skin, drawn.undulation, size)
+    if ridges is None:
+        return height.field
+    bulge = light.soften(ridges, size, 1.2 * px_per_mm) * (-1.6 * skin.quilting)
+    return (height + bulge).field + 0.12 * ridges
 
 
 @fused
 def exposed(
-    image: tf.Tensor, illumination: Field, reflected: Field, held: Camera | None, sheet: Paper
+    image: tf.Tensor, lit: Light, unevenness: tf.Tensor, held: Camera, sheet: Paper, parts: Parts
 ) -> tf.Tensor:
-    """`image` lit, seen through glass, and developed where a camera is `held`.
+    """`image` lit, seen through glass, and developed.
 
     A loop of its own: every channel needs all three of what it starts from.
     """
-    if illumination is not None:
-        image *= illumination
-    if reflected is not None:
-        image = light.behind_glass(image, reflected)
-    return image if held is None else camera.develop(image, held, paper.colour(sheet))
-
-
-def _leaf(blade: Blade, skin: Surface, lit: Light) -> tf.Tensor:
-    if blade.blend is None or blade.mottle is None:
-        return surface.base_colours(skin)[0]
-    colour = surface.blade(skin, blade.blend, blade.mottle, blade.texture)
-    if blade.inwardness is not None:
-        colour = surface.browned_margin(colour, skin, blade.inwardness)
-    if blade.spots is not None:
-        colour = surface.spotted(colour, skin, blade.spots)
-    if blade.ridges is not None:
-        colour = surface.vein_tint(colour, skin, blade.ridges)
-    if blade.facing is not None:
-        colour = light.relief(colour, blade.facing, lit)
-    return colour
+    size = image.shape[1], image.shape[2]
+    if "illumination" in parts:
+        image *= light.illumination(lit, unevenness, size)
+    if "glass" in parts:
+        image = light.behind_glass(image, light.glass(lit, size))
+    return camera.develop(image, held, paper.colour(sheet)) if "development" in parts else image
 
 
 @fused
-def noisy(image: tf.Tensor, held: Camera, grain: tf.Tensor) -> tf.Tensor:
-    """`image` with sensor noise."""
-    return camera.sensor_noise(image, held, grain)
+def crisp(image: tf.Tensor, held: Camera, grain: Field) -> tf.Tensor:
+    """`image` as the sensor has it, with its `grain` [3, H, W]: bytes [H, W, 3]."""
+    return _quantised(_noisy(image, held, grain))
 
 
 @fused
-def quantised(image: tf.Tensor, held: Camera, grain: Field) -> tf.Tensor:
-    """`image` as bytes [H, W, 3], with sensor noise first where there is `grain`."""
-    if grain is not None:
-        image = camera.sensor_noise(image, held, grain)
+def softened(image: tf.Tensor, held: Camera, grain: Field) -> tuple[tf.Tensor, tf.Tensor]:
+    """`image` with its sensor noise, and the colours that a compressed file keeps of it."""
+    grained = _noisy(image, held, grain)
+    return grained, camera.halved_chroma(grained)
+
+
+@fused
+def compressed(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:
+    """`image` with the colours `chroma` that its file has kept: bytes [H, W, 3]."""
+    return _quantised(camera.with_chroma(image, chroma))
+
+
+def _noisy(image: tf.Tensor, held: Camera, grain: Field) -> tf.Tensor:
+    return image if grain is None else camera.sensor_noise(image, held, grain)
+
+
+def _quantised(image: tf.Tensor) -> tf.Tensor:
     return tf.cast(tf.transpose(tf.clip_by_value(image * 255 + 0.5, 0, 255), [1, 2, 0]), tf.uint8)

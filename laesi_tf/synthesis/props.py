@@ -14,7 +14,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import camera, curves, paper, raster, veins
-from laesi_tf.synthesis.frame import Size, window
+from laesi_tf.synthesis.frame import Size, Window, window
 from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
@@ -86,27 +86,37 @@ class Item(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """An `Item` in the picture: directed edges [n, 2 ends, 2] in pixels."""
+    """The k items of a prop in the picture, the lowest first: the window around them, what their edges leave
+    in it, each item in its own layer, and their colours [k, 3, 1, 1] and opacities [k]."""
 
-    edges: tf.Tensor
-    colour: tf.Tensor
-    opacity: tf.Tensor
+    around: Window
+    left: raster.Deposits
+    colours: tf.Tensor
+    opacities: tf.Tensor
 
 
-def _drawn(name: str, props: Props, stage: Stage, random: tf.Tensor) -> list[Drawn]:
-    """The items of prop `name`, the first the lowest."""
+def _drawn(name: str, props: Props, stage: Stage, random: tf.Tensor) -> Drawn:
+    """Prop `name` in a picture of the stage's size."""
     # Compiling takes half a second a prop: sizes that share a power of two share what is compiled.
     side = max(256, 2 ** math.ceil(math.log2(max(stage.size))))
-    return _drawn_within(name, props, stage._replace(size=(side, side)), random)
+    return _drawn_within(name, props, stage._replace(size=(side, side)), tf.constant(stage.size), random)
 
 
 @fused
-def _drawn_within(name: str, props: Props, stage: Stage, random: tf.Tensor) -> list[Drawn]:
-    """`_drawn`, compiled for the stage's size."""
-    return [
-        Drawn(_edges(item, stage), item.colour, tf.constant(item.opacity))
-        for item in PROPS[name](props, stage, random)
-    ]
+def _drawn_within(name: str, props: Props, stage: Stage, size: tf.Tensor, random: tf.Tensor) -> Drawn:
+    """`_drawn` in a picture of `size` int32 [2], which is no larger than the stage."""
+    items = PROPS[name](props, stage, random)
+    edges = [_edges(item, stage) for item in items]
+    layers = np.repeat(np.arange(len(items), dtype=np.int32), [polygon.shape[0] for polygon in edges])
+    together = tf.concat(edges, axis=0)
+    corners = together[:, 0]
+    around = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0) + 1, size)
+    return Drawn(
+        around=around,
+        left=raster.deposits(together - around.corner, around.size, layers=tf.constant(layers)),
+        colours=tf.stack([item.colour for item in items]),
+        opacities=tf.stack([item.opacity for item in items]),
+    )
 
 
 def _edges(item: Item, stage: Stage) -> tf.Tensor:
@@ -115,16 +125,15 @@ def _edges(item: Item, stage: Stage) -> tf.Tensor:
     return raster.segments(raster.resample(camera.project(stage.view.to_px, item.points), count))
 
 
-def _lay(image: tf.Tensor, items: list[Drawn], size: Size) -> tf.Tensor:
-    """Lay `items` over [3, H, W], within the window that they cover."""
-    corners = tf.concat([item.edges[:, 0] for item in items], axis=0)
-    place = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0) + 1, size)
-    before = place.cut(image)
-    part = before
-    for item in items:
-        cover = item.opacity * raster.shape(item.edges - place.corner, place.frame)
-        part += cover * (item.colour - part)
-    return image + place.paste(part - before, size)
+def _lay(image: tf.Tensor, drawn: Drawn, size: Size) -> tf.Tensor:
+    """Lay a prop over [3, H, W], within the window that it covers."""
+    around, count = drawn.around, drawn.colours.shape[0]
+    heights = raster.summed(drawn.left, around.size, layers=count)
+    covers = raster.union(raster.accumulated(heights, around.size, layers=count))
+    before = part = around.cut(image)
+    for layer in range(count):
+        part += drawn.opacities[layer] * covers[layer] * (drawn.colours[layer] - part)
+    return image + around.paste(part - before, size)
 
 
 def fragment(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:

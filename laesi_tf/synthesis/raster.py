@@ -6,13 +6,15 @@ polygon's shoelace area to rounding, which is what ties the mask to the label.
 Points are [n, 2] float32 (x right, y down), in pixels, pixel (i, j) covering [j, j+1] x [i, i+1].
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis.frame import Frame
+from laesi_tf.synthesis.frame import Size
 
+Sides: TypeAlias = Size | tuple[tf.Tensor, tf.Tensor]
+"""Height and width of a picture, or of a window that is known when it is drawn."""
 _BLOCK = 16
 _ROWS = 3
 
@@ -54,14 +56,37 @@ def subdivide_edges(edges: tf.Tensor, pieces: int) -> tf.Tensor:
 
 def resample(points: tf.Tensor, count: int) -> tf.Tensor:
     """`count` points [count, 2] at equal distances along the closed polygon `points` [n, 2]."""
+    travelled = lengths(points)
+    return spaced(points, travelled, passed(travelled, count))
+
+
+def lengths(points: tf.Tensor) -> tf.Tensor:
+    """Length [n + 1] of the way along the closed polygon `points` [n, 2] to each of them and round to the first."""
+    steps = tf.norm(_next(points) - points, axis=-1)
+    return tf.concat([[0.0], tf.cumsum(steps)], axis=0)
+
+
+def passed(travelled: tf.Tensor, count: int) -> tf.Tensor:
+    """Which point [count] of a polygon with `lengths` `travelled` each of `count` evenly spaced ones follows.
+
+    Apart from `spaced`, because compiled it would compare every point with every other.
+    """
+    found = tf.searchsorted(travelled, _spacing(travelled, count), side="right")
+    return tf.minimum(found, tf.shape(travelled)[0] - 1) - 1
+
+
+def spaced(points: tf.Tensor, travelled: tf.Tensor, before: tf.Tensor) -> tf.Tensor:
+    """The evenly spaced points [count, 2] of the closed polygon `points`, each after its point `before`."""
     ring = tf.concat([points, points[:1]], axis=0)
-    lengths = tf.norm(ring[1:] - ring[:-1], axis=-1)
-    travelled = tf.concat([[0.0], tf.cumsum(lengths)], axis=0)
-    wanted = tf.range(count, dtype=tf.float32) * (travelled[-1] / count)
-    left = tf.minimum(tf.searchsorted(travelled, wanted, side="right"), tf.shape(points)[0]) - 1
-    fraction = tf.math.divide_no_nan(wanted - tf.gather(travelled, left), tf.gather(lengths, left))
-    start = tf.gather(ring, left)
-    return start + fraction[:, None] * (tf.gather(ring, left + 1) - start)
+    wanted = _spacing(travelled, before.shape[0])
+    begun, step = tf.gather(travelled, before), tf.gather(travelled[1:] - travelled[:-1], before)
+    fraction = tf.math.divide_no_nan(wanted - begun, step)
+    start = tf.gather(ring, before)
+    return start + fraction[:, None] * (tf.gather(ring, before + 1) - start)
+
+
+def _spacing(travelled: tf.Tensor, count: int) -> tf.Tensor:
+    return tf.range(count, dtype=tf.float32) * (travelled[-1] / count)
 
 
 def segments(points: tf.Tensor) -> tf.Tensor:
@@ -69,41 +94,53 @@ def segments(points: tf.Tensor) -> tf.Tensor:
     return tf.stack([points, _next(points)], axis=-2)
 
 
-def fill(edges: tf.Tensor, frame: Frame) -> tf.Tensor:
+def fill(edges: tf.Tensor, size: Sides) -> tf.Tensor:
     """Coverage float32 [H, W] of the closed loops whose directed `edges` are [n, 2 ends, 2].
 
     Loops add where they turn alike and cancel where they turn oppositely, so a hole is a loop that turns the
     other way. Edges must be at most two pixels high, so that none crosses more than three rows; parts
     outside the picture are cut off correctly.
     """
-    return filled(deposits(edges, frame), frame)
+    return accumulated(summed(deposits(edges, size), size), size)[0]
 
 
-def filled(left: Deposits, frame: Frame) -> tf.Tensor:
-    """Coverage float32 [H, W] of the loops whose edges `left` their `deposits` in the frame."""
-    height, width, _ = frame
-    padded = _padded(width)
-    edge_heights = tf.math.unsorted_segment_sum(left.heights, left.cells, (height + _ROWS) * padded)
-    return _running_sum(edge_heights, height + _ROWS, padded)[:height, :width]
+def summed(left: Deposits, size: Sides, *, layers: int = 1) -> tf.Tensor:
+    """The heights left in each cell of so many layers of a picture, a vector.
+
+    Not to be compiled: that adds them one by one.
+    """
+    return tf.math.unsorted_segment_sum(left.heights, left.cells, layers * _cells(size))
 
 
-def shape(edges: tf.Tensor, frame: Frame) -> tf.Tensor:
-    """Coverage [H, W] in [0, 1] of the union of closed loops, as for `fill`, that all turn the same way."""
-    return tf.minimum(tf.abs(fill(edges, frame)), 1)
+def accumulated(edge_heights: tf.Tensor, size: Sides, *, layers: int = 1) -> tf.Tensor:
+    """Coverage float32 [layers, H, W] from the heights `summed` in the cells of each layer."""
+    height, width = size
+    rows, padded = height + _ROWS, _padded(width)
+    sums = _running_sum(edge_heights, layers * rows, padded)
+    return tf.reshape(sums, [layers, rows, padded])[:, :height, :width]
+
+
+def union(coverage: tf.Tensor) -> tf.Tensor:
+    """Of the `coverage` by closed loops that all turn the same way, that by their union: in [0, 1]."""
+    return tf.minimum(tf.abs(coverage), 1)
+
+
+def _cells(size: Sides) -> tf.Tensor | int:
+    return (size[0] + _ROWS) * _padded(size[1])
 
 
 def _padded(width: tf.Tensor | int) -> tf.Tensor | int:
     return (width // _BLOCK + 1) * _BLOCK
 
 
-def deposits(edges: tf.Tensor, frame: Frame) -> Deposits:
-    """Where each of the `edges` [n, 2 ends, 2] leaves how much of its height.
+def deposits(edges: tf.Tensor, size: Sides, *, layers: tf.Tensor | int = 0) -> Deposits:
+    """Where each of the `edges` [n, 2 ends, 2], in its own of the `layers` int32 [n], leaves how much of its height.
 
     An edge is clipped to each of the rows that it crosses; each part is shared between the pixel that holds
-    its middle and the next one so that the area left of the middle is exact. What lies above the frame has no
+    its middle and the next one so that the area left of the middle is exact. What lies above the picture has no
     height left after clipping; what lies below falls into `_ROWS` spare rows.
     """
-    height, width, _ = frame
+    height, width = size
     x0, y0, x1, y1 = tf.unstack(tf.reshape(edges, [-1, 4]), axis=1)
     top = tf.clip_by_value(tf.floor(tf.minimum(y0, y1)), 0, tf.cast(height, tf.float32))
     rows = top + tf.range(_ROWS, dtype=tf.float32)[:, None]
@@ -114,7 +151,7 @@ def deposits(edges: tf.Tensor, frame: Frame) -> Deposits:
     column = tf.floor(middle)
     rise = end - start
     beyond = rise * (middle - column)
-    cell = tf.cast(rows, tf.int32) * _padded(width) + tf.cast(column, tf.int32)
+    cell = tf.cast(rows, tf.int32) * _padded(width) + tf.cast(column, tf.int32) + layers * _cells(size)
     return Deposits(
         tf.reshape(tf.stack([cell, cell + 1]), [-1]), tf.reshape(tf.stack([rise - beyond, beyond]), [-1])
     )

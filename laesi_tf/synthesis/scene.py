@@ -11,12 +11,13 @@ from laesi_tf.synthesis import camera, desk, light, noise, paper, pixels, props,
 from laesi_tf.synthesis import leaf as leaves
 from laesi_tf.synthesis.camera import Camera, View
 from laesi_tf.synthesis.desk import Desk
-from laesi_tf.synthesis.frame import Frame, Size, Window, window
+from laesi_tf.synthesis.frame import Size
 from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.leaf import Leaf
 from laesi_tf.synthesis.light import Light
 from laesi_tf.synthesis.paper import Paper
+from laesi_tf.synthesis.pixels import Parts
 from laesi_tf.synthesis.props import Props
 from laesi_tf.synthesis.ranges import count, draw, draw_one_of
 from laesi_tf.synthesis.surface import Surface
@@ -139,14 +140,15 @@ class Geometry(NamedTuple):
 
 def geometry(scene: Scene, size: Size) -> Geometry:
     """Lay the leaf on the sheet and point the camera at it."""
-    outline, holes = leaves.outline(scene.leaf, scene.key), leaves.holes(scene.leaf, scene.key)
+    ring, places = leaves.ring(scene.leaf, scene.key), leaves.hole_places(scene.key)
     # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
-    return _laid(scene.leaf, scene.camera, outline, holes, tf.constant(size, tf.float32))
+    return _laid(scene.leaf, scene.camera, ring, places, tf.constant(size, tf.float32))
 
 
 @fused
-def _laid(leaf: Leaf, held: Camera, outline: tf.Tensor, holes: tf.Tensor, size: tf.Tensor) -> Geometry:
-    """`geometry` of an outline [n, 2] and holes [k, m, 2] in leaf coordinates, mm."""
+def _laid(leaf: Leaf, held: Camera, ring: leaves.Ring, places: tf.Tensor, size: tf.Tensor) -> Geometry:
+    """`geometry` of a leaf whose outline is `ring` and whose holes are at `places`."""
+    outline, holes = raster.spaced(*ring), leaves.hole_outlines(leaf, places)
     cosine, sine = tf.cos(leaf.angle), tf.sin(leaf.angle)
     turn = tf.stack([tf.stack([cosine, -sine]), tf.stack([sine, cosine])])
     turned = tf.linalg.matmul(outline, turn, transpose_b=True)
@@ -171,16 +173,23 @@ def leaf_edges(place: Geometry, size: Size) -> tf.Tensor:
     return tf.concat([tf.reshape(raster.segments(points), [-1, 2, 2]) for points in polygons], axis=0)
 
 
+def _vein_edges(place: Geometry, leaf: Leaf, skin: Surface, commands: tf.Tensor, size: Size) -> tf.Tensor:
+    """Edges [n, 2 ends, 2] of the leaf's veins in pixels."""
+    edges = veins.ribbon_edges(leaf, commands, skin.vein_jitter, skin.vein_width_mm)
+    return raster.subdivide_edges(
+        camera.project(place.view.to_px, place.pose.apply(edges)), math.ceil(max(size) / 40)
+    )
+
+
 @fused
-def _leaf_deposits(
-    edges: tf.Tensor, size: Size
-) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor, raster.Deposits]:
-    """The window around the leaf's `edges` (top, left, height, width) and their deposits in it."""
-    corners = tf.reshape(edges, [-1, 2])
-    around = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0), size)
-    frame = around.frame
-    deposits = raster.deposits(edges - around.corner, frame)
-    return around.top, around.left, frame.height, frame.width, deposits
+def _deposits(
+    place: Geometry, leaf: Leaf, skin: Surface, commands: tf.Tensor, size: Size, parts: Parts
+) -> list[raster.Deposits]:
+    """What the edges of the leaf leave in the picture's cells, and what those of its veins do."""
+    edges = [leaf_edges(place, size)]
+    if "veins" in parts:
+        edges.append(_vein_edges(place, leaf, skin, commands, size))
+    return [raster.deposits(polygons, size) for polygons in edges]
 
 
 def render(
@@ -192,18 +201,14 @@ def render(
     centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3], sheet mm to pixels, and `kind` int32 [],
     which of the ranges' kinds of leaves it is.
     """
+    parts = tuple(name for name in COMPONENTS if ranges.has(name))
     place = geometry(scene, size)
-    top, left, height, width, deposits = _leaf_deposits(leaf_edges(place, size), size)
-    leaf_window = Window(top, left, Frame(height, width, max(size)))
-    filled = raster.filled(deposits, leaf_window.frame)
-    # The outline runs clockwise, which fills with -1. Where a margin crosses itself it turns the other way:
-    # that is leaf neither for the mask nor for the label.
-    inner_coverage = tf.clip_by_value(-filled, 0, 1)
-    coverage = leaf_window.paste(inner_coverage, size)
-    image = _exposed(scene, place, (inner_coverage, leaf_window), size, ranges, textures)
+    image, mask = _scenery(scene, place, size, parts, textures)
+    light_numbers = light.lattice(scene.light_key)
+    exposed = pixels.exposed(image, scene.light, light_numbers, scene.camera, scene.paper, parts)
     return {
-        "image": _developed(image, scene, place, ranges),
-        "mask": tf.cast(coverage + 0.5, tf.uint8),
+        "image": _recorded(exposed, scene, place, parts),
+        "mask": mask,
         "area_cm2": place.area_cm2,
         "px_per_mm": place.view.px_per_mm,
         "tilt_deg": scene.camera.tilt_deg * tf.cast(scene.camera.tilted, tf.float32),
@@ -212,139 +217,44 @@ def render(
     }
 
 
-def _sheet(scene: Scene, place: Geometry, size: Size, ranges: Ranges) -> tf.Tensor:
-    """The sheet on its desk with everything that lies on it but the leaf: [3, H, W]."""
-    view, sheet = place.view, scene.paper
-    shade, strength, lines = tf.ones(size), None, None
-    if ranges.has("paper_noise"):
-        blend, strength = paper.wear(sheet, scene.key, size)
-        shade += blend
-    if ranges.has("crease"):
-        shade = tf.cond(
-            sheet.creased, lambda: pixels.creased(sheet, shade, view.to_px, view.fov_mm), lambda: shade
-        )
-    if ranges.has("ruling"):
-        passing = paper.transmission(sheet, paper.samples_per_mm(size), 1 / view.px_per_mm)
-        lines = pixels.ruled(sheet, passing, view.to_px, size)
-    made = pixels.Print(shade, strength, lines)
-
-    def on_desk() -> tf.Tensor:
-        grain = desk.grain(scene.desk, scene.key, size)
-        extent = tf.stack([tf.reduce_min(place.outline, axis=0), tf.reduce_max(place.outline, axis=0)])
-        distance = pixels.margin(sheet, extent, view.to_px, size)
-        return pixels.on_desk(sheet, made, scene.desk, grain, distance, view.px_per_mm)
-
-    def filling() -> tf.Tensor:
-        return pixels.filling(sheet, made)
-
-    image = tf.cond(sheet.edged, on_desk, filling) if ranges.has("desk") else filling()
+def _scenery(
+    scene: Scene, place: Geometry, size: Size, parts: Parts, textures: tf.Tensor | None
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """What there is to be seen, [3, H, W], and the leaf's mask uint8 [H, W]."""
+    key, view = scene.key, place.view
+    extent = tf.stack([tf.reduce_min(place.outline, axis=0), tf.reduce_max(place.outline, axis=0)])
+    sheet = pixels.page(
+        scene.paper, paper.lattices(key), scene.desk, desk.lattice(key), extent, view, size, parts
+    )
     stage = props.Stage(leaf=place.outline, view=view, size=size)
-    return props.scatter(
-        image, scene.props, stage, scene.key, [name for name in props.PROPS if ranges.has(name)]
+    sheet = props.scatter(sheet, scene.props, stage, key, [name for name in props.PROPS if name in parts])
+    left = _deposits(place, scene.leaf, scene.surface, veins.commands(key), size, parts)
+    texture = None if textures is None else surface.photographed(textures, key, size)
+    return pixels.with_leaf(
+        sheet,
+        [raster.summed(deposits, size) for deposits in left],
+        scene.surface,
+        surface.lattices(key),
+        texture,
+        scene.light,
+        view.px_per_mm,
+        parts,
     )
 
 
-def _exposed(
-    scene: Scene,
-    place: Geometry,
-    leaf: tuple[tf.Tensor, Window],
-    size: Size,
-    ranges: Ranges,
-    textures: tf.Tensor | None,
-) -> tf.Tensor:
-    """The whole scene, lit and developed, before lens and sensor: [3, H, W]."""
-    coverage, leaf_window = leaf
-    fields = _blade(scene, place, coverage, leaf_window, ranges, textures)
-    blade = pixels.Blade(*(field if field is None else leaf_window.paste(field, size) for field in fields))
-    if blade.facing is not None:
-        blade = blade._replace(facing=pixels.facing(blade.facing, scene.light, place.view.px_per_mm))
-    shadow, illumination, reflected = None, None, None
-    if ranges.has("shadow"):
-        shadow = light.shadow(blade.coverage, scene.light, size, place.view.px_per_mm)
-    if ranges.has("illumination"):
-        illumination = light.illumination(scene.light, scene.light_key, size)
-    if ranges.has("glass"):
-        reflected = light.glass(scene.light, size)
-    sheet = _sheet(scene, place, size, ranges)
-    image = pixels.with_leaf(sheet, blade, shadow, scene.surface, scene.light)
-    held = scene.camera if ranges.has("development") else None
-    return pixels.exposed(image, illumination, reflected, held, scene.paper)
-
-
-def _blade(
-    scene: Scene,
-    place: Geometry,
-    coverage: tf.Tensor,
-    leaf_window: Window,
-    ranges: Ranges,
-    textures: tf.Tensor | None,
-) -> pixels.Blade:
-    """Fields [h, w] of the leaf in the window that it lies in."""
-    frame, scale, skin = leaf_window.frame, place.view.px_per_mm, scene.surface
-    if not ranges.has("surface"):
-        return pixels.Blade(coverage)
-    inwardness, ridges = None, None
-    if ranges.has("browned_margin"):
-        inwardness = tf.cond(
-            skin.margin_browned,
-            lambda: light.soften(coverage, frame, 3.0 * scale).field,
-            lambda: tf.ones_like(coverage),
-        )
-    if ranges.has("veins"):
-        ridges = _veins(scene, place, leaf_window)
-    return pixels.Blade(
-        coverage=coverage,
-        blend=surface.blend(skin, scene.key, frame),
-        mottle=surface.mottle(skin, scene.key, frame),
-        texture=None if textures is None else surface.photographed(textures, scene.key, frame),
-        inwardness=inwardness,
-        spots=surface.spots(skin, scene.key, frame) if ranges.has("spots") else None,
-        ridges=ridges,
-        facing=_height(scene, place, ridges, frame, ranges) if ranges.has("relief") else None,
-    )
-
-
-def _height(
-    scene: Scene, place: Geometry, ridges: tf.Tensor | None, frame: Frame, ranges: Ranges
-) -> tf.Tensor:
-    """Height map [h, w] of the leaf's surface in mm."""
-    skin, height = scene.surface, noise.Factors(tf.zeros([frame.height, 1]), tf.zeros([frame.width, 1]))
-    if ranges.has("undulation"):
-        height += surface.undulation(skin, scene.key, frame)
-    if ridges is None:
-        return height.field
-    bulge = light.soften(ridges, frame, 1.2 * place.view.px_per_mm) * (-1.6 * skin.quilting)
-    return (height + bulge).field + 0.12 * ridges
-
-
-def _veins(scene: Scene, place: Geometry, leaf_window: Window) -> tf.Tensor:
-    """Height map H [h, w] of the veins in the leaf's window."""
-    edges = veins.edges(scene.leaf, scene.key, scene.surface.vein_jitter, scene.surface.vein_width_mm)
-    deposits = _vein_deposits(edges, place.pose, place.view.to_px, leaf_window)
-    return veins.height(raster.filled(deposits, leaf_window.frame))
-
-
-@fused
-def _vein_deposits(edges: tf.Tensor, pose: Pose, to_px: tf.Tensor, leaf_window: Window) -> raster.Deposits:
-    """Deposits in the leaf's window of veins' `edges` [n, 2 ends, 2] in leaf coordinates, mm."""
-    in_window = camera.project(to_px, pose.apply(edges)) - leaf_window.corner
-    pieces = math.ceil(leaf_window.frame.longest / 28)
-    return raster.deposits(raster.subdivide_edges(in_window, pieces), leaf_window.frame)
-
-
-def _developed(image: tf.Tensor, scene: Scene, place: Geometry, ranges: Ranges) -> tf.Tensor:
+def _recorded(image: tf.Tensor, scene: Scene, place: Geometry, parts: Parts) -> tf.Tensor:
     """What lens, sensor and file make of the exposed image [3, H, W]: bytes [H, W, 3]."""
-    size, grain = (image.shape[1], image.shape[2]), None
-    if ranges.has("focus"):
-        image = camera.focus(image, scene.camera, place.view.px_per_mm)
-    if ranges.has("sensor_noise"):
-        grain = noise.grain(scene.light_key.uniform([2], Purpose.SENSOR), size)
+    held, grain = scene.camera, None
+    if "focus" in parts:
+        image = camera.focus(image, held, place.view.px_per_mm)
+    if "sensor_noise" in parts:
+        cut = scene.light_key.uniform([2], Purpose.SENSOR)
+        grain = noise.grain(cut, (image.shape[1], image.shape[2]))
 
     def crisp() -> tf.Tensor:
-        return pixels.quantised(image, scene.camera, grain)
+        return pixels.crisp(image, held, grain)
 
-    def soft() -> tf.Tensor:
-        grained = image if grain is None else pixels.noisy(image, scene.camera, grain)
-        return pixels.quantised(camera.chroma_softness(grained), scene.camera, None)
+    def compressed() -> tf.Tensor:
+        return pixels.compressed(*pixels.softened(image, held, grain))
 
-    return tf.cond(scene.camera.compressed, soft, crisp) if ranges.has("chroma_softness") else crisp()
+    return tf.cond(held.compressed, compressed, crisp) if "chroma_softness" in parts else crisp()

@@ -5,12 +5,13 @@ pixels by the view's scale.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
-from laesi_tf.synthesis.frame import Frame
+from laesi_tf.synthesis.frame import Size
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.ranges import Chance, Number
 
@@ -86,27 +87,45 @@ def palette(season: tf.Tensor) -> tf.Tensor:
     return tf.linalg.matvec(tf.constant(PALETTE), weights, transpose_a=True)[:, None, None]
 
 
-def blend(surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
+class Lattices(NamedTuple):
+    """Uniform numbers behind a leaf's fields, named after the functions that make them of these."""
+
+    blend: tf.Tensor
+    mottle: tf.Tensor
+    spots: tf.Tensor
+    undulation: tf.Tensor
+
+
+def lattices(key: Key) -> Lattices:
+    """The numbers of one leaf's fields."""
+    return Lattices(
+        blend=key.uniform([2, _BLEND_NODES, _BLEND_NODES], Purpose.SURFACE),
+        mottle=key.uniform([_FINE_NODES, _FINE_NODES], Purpose.MOTTLE),
+        spots=key.uniform([_FINE_NODES, _FINE_NODES], Purpose.SPOTS),
+        undulation=key.uniform(
+            [2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.SURFACE_VORONOI
+        ),
+    )
+
+
+def blend(surface: Surface, gradients: tf.Tensor, size: Size) -> tf.Tensor:
     """Gradient noise [H, W], about [-1, 1], by which C1 and C2 are blended."""
-    gradients = key.uniform([2, _BLEND_NODES, _BLEND_NODES], Purpose.SURFACE)
-    return noise.gradient(gradients * 2 - 1, frame, cells=surface.blend_cells).field
+    return noise.gradient(gradients * 2 - 1, size, cells=surface.blend_cells).field
 
 
-def mottle(surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
+def mottle(surface: Surface, values: tf.Tensor, size: Size) -> tf.Tensor:
     """Fine mottling [H, W], about [-1, 1]."""
-    fine = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.MOTTLE)
-    return noise.simple(fine, frame, cells=surface.mottle_cells).field
+    return noise.simple(values, size, cells=surface.mottle_cells).field
 
 
-def spots(surface: Surface, key: Key, frame: Frame) -> tf.Tensor:
+def spots(surface: Surface, values: tf.Tensor, size: Size) -> tf.Tensor:
     """Cover [H, W] in [0, 1] by brown spots and patches, on leaves that have them."""
 
     def stains() -> tf.Tensor:
-        lattice = key.uniform([_FINE_NODES, _FINE_NODES], Purpose.SPOTS)
-        field = noise.simple(lattice, frame, cells=surface.spot_cells).field
+        field = noise.simple(values, size, cells=surface.spot_cells).field
         return tf.clip_by_value((field - surface.spot_threshold) * 8, 0, 0.9)
 
-    return tf.cond(surface.spotted, stains, lambda: tf.zeros([frame.height, frame.width]))
+    return tf.cond(surface.spotted, stains, lambda: tf.zeros([size[0], size[1]]))
 
 
 def blade(surface: Surface, blended: tf.Tensor, mottled: tf.Tensor, texture: tf.Tensor | None) -> tf.Tensor:
@@ -126,10 +145,9 @@ def spotted(colour: tf.Tensor, surface: Surface, cover: tf.Tensor) -> tf.Tensor:
     return colour + cover * (palette(surface.spot_season) - colour)
 
 
-def undulation(surface: Surface, key: Key, frame: Frame) -> noise.Factors:
+def undulation(surface: Surface, jitter: tf.Tensor, size: Size) -> noise.Factors:
     """Voronoi displacement of the blade's height, about [-1, 1] (paper: vertex displacement)."""
-    jitter = key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.SURFACE_VORONOI)
-    return noise.voronoi(jitter, frame, cells=surface.undulation_cells) * surface.undulation
+    return noise.voronoi(jitter, size, cells=surface.undulation_cells) * surface.undulation
 
 
 def normals(height_mm: tf.Tensor, px_per_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
@@ -154,13 +172,12 @@ def browned_margin(colour: tf.Tensor, surface: Surface, inwardness: tf.Tensor) -
     return colour + surface.margin_depth * edge * edge * (palette(tf.constant(0.8)) - colour)
 
 
-def photographed(textures: tf.Tensor, key: Key, frame: Frame) -> tf.Tensor:
+def photographed(textures: tf.Tensor, key: Key, size: Size) -> tf.Tensor:
     """Relief [3, H, W] around mean 1 from one of `textures` [N, T, T, 3], a random square of it."""
     random = key.uniform([4], Purpose.TEXTURE)
     count, side = tf.shape(textures)[0], textures.shape[1]
     chosen = textures[tf.cast(random[0] * tf.cast(count, tf.float32), tf.int32)]
     crop = tf.cast((0.5 + 0.5 * random[1]) * side, tf.int32)
     corner = tf.cast(random[2:] * tf.cast(side - crop, tf.float32), tf.int32)
-    window = [frame.height, frame.width]
-    square = tf.image.resize(chosen[corner[0] : corner[0] + crop, corner[1] : corner[1] + crop], window)
+    square = tf.image.resize(chosen[corner[0] : corner[0] + crop, corner[1] : corner[1] + crop], size)
     return tf.transpose(square, [2, 0, 1])

@@ -9,7 +9,6 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import raster
-from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.leaf import Leaf, midrib
 
@@ -64,26 +63,26 @@ def edges(leaf: Leaf, key: Key, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Te
 
     Always as many, since what is compiled has fixed shapes: a vein that the leaf lacks has no width.
     """
-    random = key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)
-    main, side = _ribbon_edges(leaf, random, jitter, width_mm)
-    return tf.concat([main, tf.reshape(side, [-1, 2, 2])], axis=0)
+    return ribbon_edges(leaf, commands(key), jitter, width_mm)
 
 
-@fused
-def _ribbon_edges(
-    leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor
-) -> tuple[tf.Tensor, tf.Tensor]:
-    """Edges of the midrib [n, 2 ends, 2] and of the secondary veins [2, SECONDARIES, m, 2 ends, 2]."""
+def commands(key: Key) -> tf.Tensor:
+    """The normal numbers [2, SECONDARIES, STEPS + 2] behind the secondary turtles' commands."""
+    return key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)
+
+
+def ribbon_edges(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
+    """`edges` from the turtles' `commands`: the midrib's first."""
     along = tf.constant(np.linspace(-0.02, 0.96, MIDRIB_STEPS), tf.float32)
     middle, _ = midrib(leaf, along * leaf.length_mm)
     taper = tf.constant(np.linspace(1, 0.25, MIDRIB_STEPS), tf.float32)
     main = raster.segments(ribbons(middle, width_mm * taper))
     paths, exists = secondary_paths(leaf, random, jitter)
     thinning = tf.constant(np.linspace(0.55, 0.12, STEPS + 1), tf.float32)
-    side = ribbons(paths, width_mm * exists[..., None] * thinning)
-    return main, raster.segments(side)
+    side = raster.segments(ribbons(paths, width_mm * exists[..., None] * thinning))
+    return tf.concat([main, tf.reshape(side, [-1, 2, 2])], axis=0)
 
 
 def height(coverage: tf.Tensor) -> tf.Tensor:
     """Height map H in [0, 1] of vein `coverage` [H, W]: veins stand proud of the blade by their thickness."""
-    return tf.minimum(tf.abs(coverage), 1)
+    return raster.union(coverage)
