@@ -60,7 +60,8 @@ def test_a_grid_finer_than_the_pixels_fades_to_its_mean() -> None:
 def ruling(sheet: Paper, x: np.ndarray, y: np.ndarray, samples: int, footprint: float) -> np.ndarray:
     """Absorbance [3, H, W] at `x` and `y` [H, W] mm."""
     passing = paper.transmission(sheet, samples, tf.constant(footprint))
-    lines = paper.ruling(sheet, passing, tf.constant(x, tf.float32), tf.constant(y, tf.float32))
+    where = paper.places(sheet, samples, tf.constant(x, tf.float32), tf.constant(y, tf.float32))
+    lines = paper.ruling(passing, where)
     return paper.absorbed(sheet, *lines).numpy()
 
 

@@ -166,9 +166,7 @@ def _convolve(image: tf.Tensor, taps: list[tf.Tensor], axis: int) -> tf.Tensor:
 def focus(image: tf.Tensor, camera: Camera, px_per_mm: tf.Tensor) -> tf.Tensor:
     """Focus blur of [3, H, W] where the scene has it."""
     reach = math.ceil(1.25 * _WIDEST_BLUR_MM * max(image.shape[1:]) / 70)
-    return tf.cond(
-        camera.blurred, lambda: blur(image, camera.blur_mm * px_per_mm, reach), lambda: image
-    )
+    return tf.cond(camera.blurred, lambda: blur(image, camera.blur_mm * px_per_mm, reach), lambda: image)
 
 
 def halved_chroma(image: tf.Tensor) -> tf.Tensor:

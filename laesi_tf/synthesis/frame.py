@@ -1,4 +1,4 @@
-"""How large a picture is, and windows of it: what is small is drawn in no more of the picture than it covers."""
+"""A picture's size, and windows of it: what is small is drawn in no more of the picture than it covers."""
 
 from typing import NamedTuple
 

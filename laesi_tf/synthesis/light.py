@@ -111,7 +111,7 @@ def lattice(key: Key) -> tf.Tensor:
 
 
 def illumination(light: Light, values: tf.Tensor, size: Size) -> tf.Tensor:
-    """Relative illumination [H, W]: fall-off, vignetting, unevenness (from its `lattice`) and cast shadows."""
+    """Relative illumination [H, W]: fall-off, vignetting, unevenness (by its `lattice`) and cast shadows."""
     x, y = _frame(LATTICE)
     along = direction(light)
     field = 1 + light.slope * (x * along[0] + y * along[1]) - light.vignette * (x * x + y * y)

@@ -112,9 +112,9 @@ def line_profiles(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Ten
 def transmission(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
     """Light that passes fine and heavy lines across x and down y over one period: int32 [2, n].
 
-    A ruling is a product of lines along either axis, so two profiles hold all of it. Each number holds that of
-    the fine lines in its upper and that of the heavy lines in its lower 16 bits, in 65535ths: `ruling` looks a
-    pair up at once, since looking up costs more than all else that it does.
+    A ruling is a product of lines along either axis, so two profiles hold all of it. Each number holds that
+    of the fine lines in its upper and that of the heavy lines in its lower 16 bits, in 65535ths: `ruling`
+    looks a pair up at once, since looking up costs more than all else that it does.
     """
     profiles = line_profiles(paper, samples, footprint_mm)
     # Without a heavy family the sheet would be a plain 1 mm grid, which is not sold: keep one of the two.
@@ -128,16 +128,17 @@ def transmission(paper: Paper, samples: int, footprint_mm: tf.Tensor) -> tf.Tens
     return tf.bitwise.bitwise_or(tf.bitwise.left_shift(whole[0], 16), whole[1])
 
 
-def ruling(paper: Paper, passing: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Coverage [H, W] by fine and by heavy lines at `x_mm`, `y_mm` [H, W].
+def places(paper: Paper, samples: int, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
+    """Which number of either profile of `transmission` lies at `x_mm`, `y_mm` [H, W]: int32 [2, H, W]."""
+    cells = PERIOD_MM * samples
+    return tf.stack([_cell(x_mm + paper.phase_x, cells), _cell(y_mm + paper.phase_y, cells)])
 
-    `passing` int32 [2, n] is the sheet's `transmission`.
-    """
-    pairs = (
-        tf.gather(passing[axis], _cell(position, passing.shape[1]))
-        for axis, position in enumerate((x_mm + paper.phase_x, y_mm + paper.phase_y))
+
+def ruling(passing: tf.Tensor, where: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Coverage [H, W] by fine and by heavy lines of a sheet with `transmission` `passing` at its `places`."""
+    (fine_x, heavy_x), (fine_y, heavy_y) = (
+        _parted(tf.gather(passing[axis], where[axis])) for axis in range(2)
     )
-    (fine_x, heavy_x), (fine_y, heavy_y) = (_parted(pair) for pair in pairs)
     return 1 - fine_x * fine_y, 1 - heavy_x * heavy_y
 
 

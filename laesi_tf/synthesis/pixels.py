@@ -22,6 +22,15 @@ Field = Any
 
 
 @fused
+def ruled(sheet: Paper, to_px: tf.Tensor, size: Size) -> tf.Tensor:
+    """Where in its ruling's period a sheet is seen: `paper.places` int32 [2, H, W].
+
+    Compiled apart from `page`, where finding a place would slow down looking it up.
+    """
+    return paper.places(sheet, paper.samples_per_mm(size), *camera.sheet_coordinates(to_px, size))
+
+
+@fused
 def page(
     sheet: Paper,
     worn: paper.Lattices,
@@ -29,22 +38,27 @@ def page(
     grain: tf.Tensor,
     extent: tf.Tensor,
     view: View,
+    where: Field,
     size: Size,
     parts: Parts,
 ) -> tf.Tensor:
-    """The sheet, and the desk where the sheet ends: [3, H, W]. `extent` [2, 2] are corners of the leaf's box."""
-    x_mm, y_mm = camera.sheet_coordinates(view.to_px, size)
+    """The sheet, and the desk where the sheet ends: [3, H, W].
+
+    `extent` [2, 2] are corners of the leaf's box, `where` are the places of the ruling, if there is one.
+    """
     shade, strength, lines = tf.ones(size), None, None
     if "paper_noise" in parts:
         blend, strength = paper.wear(sheet, worn, size)
         shade += blend
     if "crease" in parts:
         shade = tf.cond(
-            sheet.creased, lambda: shade + paper.crease(sheet, x_mm, y_mm, view.fov_mm), lambda: shade
+            sheet.creased,
+            lambda: shade + paper.crease(sheet, *camera.sheet_coordinates(view.to_px, size), view.fov_mm),
+            lambda: shade,
         )
-    if "ruling" in parts:
+    if where is not None:
         passing = paper.transmission(sheet, paper.samples_per_mm(size), 1 / view.px_per_mm)
-        lines = paper.ruling(sheet, passing, x_mm, y_mm)
+        lines = paper.ruling(passing, where)
 
     def inks() -> tf.Tensor | float:
         if lines is None:
@@ -56,7 +70,7 @@ def page(
         return paper.colour(sheet) * shade * (1 - inks())
 
     def on_desk() -> tf.Tensor:
-        distance = paper.margin(sheet, extent, x_mm, y_mm)
+        distance = paper.margin(sheet, extent, *camera.sheet_coordinates(view.to_px, size))
         printed = tf.clip_by_value((distance - sheet.border_mm) * view.px_per_mm + 0.5, 0, 1)
         on_sheet = tf.clip_by_value(distance * view.px_per_mm + 0.5, 0, 1)
         beyond = desk.desk(table, desk.grain(table, grain, size), distance)
@@ -130,7 +144,7 @@ def _skin(
 def _height(
     ridges: Field, skin: Surface, drawn: surface.Lattices, px_per_mm: tf.Tensor, parts: Parts, size: Size
 ) -> tf.Tensor:
-    """Height map [H, W] of the leaf's surface in mm: the blade bulges between its veins, which stand proud."""
+    """Height map [H, W] of the leaf's surface in mm: the blade bulges between veins that stand proud."""
     height = noise.Factors(tf.zeros([size[0], 1]), tf.zeros([size[1], 1]))
     if "undulation" in parts:
         height += surface.undulation(skin, drawn.undulation, size)

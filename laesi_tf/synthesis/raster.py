@@ -61,7 +61,7 @@ def resample(points: tf.Tensor, count: int) -> tf.Tensor:
 
 
 def lengths(points: tf.Tensor) -> tf.Tensor:
-    """Length [n + 1] of the way along the closed polygon `points` [n, 2] to each of them and round to the first."""
+    """Length [n + 1] of the way along the closed polygon `points` [n, 2] to each of them and to the first."""
     steps = tf.norm(_next(points) - points, axis=-1)
     return tf.concat([[0.0], tf.cumsum(steps)], axis=0)
 
@@ -134,11 +134,12 @@ def _padded(width: tf.Tensor | int) -> tf.Tensor | int:
 
 
 def deposits(edges: tf.Tensor, size: Sides, *, layers: tf.Tensor | int = 0) -> Deposits:
-    """Where each of the `edges` [n, 2 ends, 2], in its own of the `layers` int32 [n], leaves how much of its height.
+    """Where each of the `edges` [n, 2 ends, 2] leaves how much of its height.
 
     An edge is clipped to each of the rows that it crosses; each part is shared between the pixel that holds
-    its middle and the next one so that the area left of the middle is exact. What lies above the picture has no
-    height left after clipping; what lies below falls into `_ROWS` spare rows.
+    its middle and the next one so that the area left of the middle is exact. What lies above the picture has
+    no height left after clipping; what lies below falls into `_ROWS` spare rows. `layers` int32 [n] are the
+    edges' layers.
     """
     height, width = size
     x0, y0, x1, y1 = tf.unstack(tf.reshape(edges, [-1, 4]), axis=1)

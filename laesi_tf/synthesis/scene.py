@@ -223,8 +223,9 @@ def _scenery(
     """What there is to be seen, [3, H, W], and the leaf's mask uint8 [H, W]."""
     key, view = scene.key, place.view
     extent = tf.stack([tf.reduce_min(place.outline, axis=0), tf.reduce_max(place.outline, axis=0)])
+    where = pixels.ruled(scene.paper, view.to_px, size) if "ruling" in parts else None
     sheet = pixels.page(
-        scene.paper, paper.lattices(key), scene.desk, desk.lattice(key), extent, view, size, parts
+        scene.paper, paper.lattices(key), scene.desk, desk.lattice(key), extent, view, where, size, parts
     )
     stage = props.Stage(leaf=place.outline, view=view, size=size)
     sheet = props.scatter(sheet, scene.props, stage, key, [name for name in props.PROPS if name in parts])
