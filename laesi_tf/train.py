@@ -20,13 +20,16 @@ def main(arguments: Sequence[str]) -> None:
         "--config", type=Path, metavar="FILE", help="TOML file of the keys below, underscored"
     )
     command.add_argument("--out", type=Path, metavar="RUN", help="the run's folder (default: runs/TASK)")
+    command.add_argument(
+        "--data-service", default="", metavar="HOST:PORT", help="have scenes made by laesi_tf.serve there"
+    )
     add_flags(command)
     given = vars(command.parse_args(arguments))
-    path, out, figures = (given.pop(name) for name in ("config", "out", "json"))
+    path, out, figures, service = (given.pop(name) for name in ("config", "out", "json", "data_service"))
     config = load(path, **given) if path else from_mapping(given)
     if figures:
         require_writable(figures)
-    result = fit(config, out or Path("runs") / config.task)
+    result = fit(config, out or Path("runs") / config.task, data_service=service)
     print(_summary(result, config))
     if figures:
         write_json(figures, result.metrics)

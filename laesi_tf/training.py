@@ -20,7 +20,7 @@ import tensorflow as tf
 from laesi_tf import report, runs
 from laesi_tf.cli import progress as progress_bar
 from laesi_tf.config import TrainConfig
-from laesi_tf.data import augment, mixture, synthetic
+from laesi_tf.data import augment, mixture, service, synthetic
 from laesi_tf.data.textures import load_textures
 from laesi_tf.errors import InputError
 from laesi_tf.files import whole, write_json
@@ -28,6 +28,7 @@ from laesi_tf.models import batch_norm
 from laesi_tf.models.backbone import FROM_SCRATCH, backbone
 from laesi_tf.runs import Progress, Run, load_run
 from laesi_tf.schedules import SCHEDULES, optimizer
+from laesi_tf.synthesis import load_ranges
 from laesi_tf.tasks import Task, task
 
 __all__ = ["Diverged", "Result", "Run", "assess", "build", "fit", "load_run"]
@@ -62,12 +63,14 @@ def fit(
     *,
     train: Stream | None = None,
     validation: Batches | None = None,
+    data_service: str = "",
     show: bool = True,
 ) -> Result:
     """Train what `config` says into the folder `out`, or continue the run that is there.
 
-    `train` and `validation` replace the live synthetic scenes; `validation` is held in memory. `show` draws a
-    progress bar. Raises InputError for a folder that holds something else and Diverged when the loss is NaN.
+    `train` and `validation` replace the live synthetic scenes; `validation` is held in memory. `data_service`
+    HOST:PORT has the scenes made elsewhere, with the same result. `show` draws a progress bar. Raises
+    InputError for a folder that holds something else and Diverged when the loss is NaN.
     """
     out = Path(out)
     origin = runs.origin_of(out, config)
@@ -82,7 +85,7 @@ def fit(
     )
     follower.build(model.trainable_variables)
     progress = runs.load_state(out, [*model.variables, *follower.variables])
-    fitting = _Fitting(config, out, model, follower, progress, train or _training(config))
+    fitting = _Fitting(config, out, model, follower, progress, train or _training(config, data_service))
     fitting.validation = list(_synthetic_validation(config) if validation is None else validation)
     if started is None:
         runs.begin(out, config, origin)
@@ -313,27 +316,52 @@ def _picture(
     return report.Picture(images[within].numpy(), figures, masks)
 
 
-def _training(config: TrainConfig) -> Stream:
-    """The stream that `config` names: live scenes or a mixture, augmented or not."""
-    switched = augment.switches(augment.augmentations(config.augment))
-    sources = _sources(config)
+def _training(config: TrainConfig, data_service: str) -> Stream:
+    """The stream that `config` names: live scenes or a mixture, augmented or not.
 
-    def pictures(start: int) -> tf.data.Dataset:
-        if sources:
-            return mixture.mix(sources, seed=config.seed, start=start)
-        first = synthetic.TRAIN[0] + start
-        return _scenes(config, seed=config.seed, start=first, passes=config.lighting_passes)
+    Live scenes are made by the `data_service` at that address where there is one.
+    """
+    sources, batch_size = _sources(config), config.batch_size
+    if sources and data_service:
+        raise InputError("--data-service makes live scenes only; leave out --data-service or --mixture")
+    textures = load_textures(config.textures) if config.textures else None
+    ranges = load_ranges(config.ranges)
 
-    def augmented(place: tf.Tensor, picture: augment.Picture) -> augment.Picture:
-        return augment.augment(picture, tf.stack([config.seed, place]), tf.constant(switched))
+    def live(places: tf.data.Dataset) -> tf.data.Dataset:
+        indices = places.map(lambda place: place + synthetic.TRAIN[0])
+        scenes = synthetic.pictures_at(
+            indices,
+            seed=config.seed,
+            size=config.size,
+            ranges=ranges,
+            passes=config.lighting_passes,
+            textures=textures,
+        )
+        return _examples(scenes.map(lambda scene: (scene["index"] - synthetic.TRAIN[0], scene)), config)
 
     def stream(start: int) -> Batches:
-        made = pictures(start)
-        if switched.any():
-            made = made.enumerate(start).map(augmented, num_parallel_calls=tf.data.AUTOTUNE)
-        return _batched(made, config)
+        if data_service:
+            return service.served(live, data_service, batch_size=batch_size, start=start)
+        if sources:
+            mixed = mixture.mix(sources, seed=config.seed, start=start)
+            examples = _examples(mixed.enumerate(start), config)
+        else:
+            examples = live(tf.data.Dataset.range(start, service.LAST_PLACE))
+        return examples.map(lambda _, example: example).batch(batch_size).prefetch(2)
 
     return stream
+
+
+def _examples(numbered: tf.data.Dataset, config: TrainConfig) -> tf.data.Dataset:
+    """(place, (image, target)) of a stream of (place, picture), augmented as `config` says."""
+    switched = augment.switches(augment.augmentations(config.augment))
+
+    def augmented(place: tf.Tensor, picture: augment.Picture) -> tuple[tf.Tensor, augment.Picture]:
+        return place, augment.augment(picture, tf.stack([config.seed, place]), tf.constant(switched))
+
+    if switched.any():
+        numbered = numbered.map(augmented, num_parallel_calls=tf.data.AUTOTUNE)
+    return numbered.map(lambda place, picture: (place, _example(picture, config)))
 
 
 def _sources(config: TrainConfig) -> list[mixture.Source]:
@@ -345,23 +373,17 @@ def _sources(config: TrainConfig) -> list[mixture.Source]:
 
 def _synthetic_validation(config: TrainConfig) -> Batches:
     # One seed for all runs: their scores compare. The range of indices keeps it apart from training.
-    first, count = synthetic.VALIDATION[0], config.validation_pictures
-    return _batched(_scenes(config, seed=_VALIDATION_SEED, start=first, count=count, passes=1), config)
-
-
-def _batched(made: tf.data.Dataset, config: TrainConfig) -> Batches:
-    return synthetic.batched(made, task=cast(synthetic.Task, config.task), batch_size=config.batch_size)
-
-
-def _scenes(
-    config: TrainConfig, *, seed: int, start: int, passes: int, count: int | None = None
-) -> tf.data.Dataset:
-    return synthetic.pictures(
-        seed=seed,
+    scenes = synthetic.pictures(
+        seed=_VALIDATION_SEED,
         size=config.size,
         ranges=config.ranges,
-        start=start,
-        count=count,
-        passes=passes,
+        start=synthetic.VALIDATION[0],
+        count=config.validation_pictures,
+        passes=1,
         textures=load_textures(config.textures) if config.textures else None,
     )
+    return scenes.map(lambda scene: _example(scene, config)).batch(config.batch_size)
+
+
+def _example(picture: augment.Picture, config: TrainConfig) -> tuple[tf.Tensor, tf.Tensor]:
+    return picture["image"], synthetic.target(picture, cast(synthetic.Task, config.task))

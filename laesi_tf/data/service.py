@@ -1,0 +1,86 @@
+"""Pictures made on other machines, through TensorFlow's own tf.data service.
+
+A batch is the unit of work: whichever worker is free takes the next one, so batches come back in any order.
+They are handed on in their own, so that what a model is fed, and what a run continues with after a kill, is
+the same as without the service. The service gives each batch to one worker and forgets those of a worker that
+dies: such a gap is filled here.
+"""
+
+import socket
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import tensorflow as tf
+
+from laesi_tf.errors import InputError
+
+Batch = tuple[tf.Tensor, Any]
+Make = Callable[[tf.data.Dataset], tf.data.Dataset]
+"""From the places of pictures in a stream, int64 [], to (place, (image, target)), in the same order."""
+
+LAST_PLACE = 2**40
+"""Where streams of pictures end: they are as good as endless."""
+_PATIENCE = 24
+"""Batches that may overtake one before it counts as lost: more than workers have in hand between them."""
+_SECONDS = 5.0
+
+
+def served(make: Make, address: str, *, batch_size: int, start: int) -> Iterator[Batch]:
+    """Batches from the dispatcher at `address` (HOST:PORT) of the stream that `make` makes, without end.
+
+    The first picture is `start`, a multiple of `batch_size`. Raises InputError where nobody answers.
+    """
+    _require_answer(address)
+    blocks = tf.data.Dataset.range(start // batch_size, LAST_PLACE // batch_size)
+    spread = tf.data.experimental.service.distribute(
+        processing_mode=tf.data.experimental.service.ShardingPolicy.DYNAMIC,
+        service=f"grpc://{address}",
+        compression=None,  # sensor noise does not compress
+    )
+    numbered = _batches(make, blocks, batch_size).apply(spread)
+    return in_order(
+        ((int(block), batch) for block, batch in numbered),
+        start // batch_size,
+        lambda block: _made_here(make, block, batch_size),
+    )
+
+
+def in_order(
+    arriving: Iterator[tuple[int, Batch]], first: int, fill: Callable[[int], Batch]
+) -> Iterator[Batch]:
+    """The batches of `arriving` (number, batch) by number, from `first`; those that are lost by `fill`."""
+    waiting: dict[int, Batch] = {}
+    for number, batch in arriving:
+        waiting[number] = batch
+        if first not in waiting and len(waiting) > _PATIENCE:
+            waiting[first] = fill(first)
+        while first in waiting:
+            yield waiting.pop(first)
+            first += 1
+
+
+def _batches(make: Make, blocks: tf.data.Dataset, batch_size: int) -> tf.data.Dataset:
+    """(number, (image [B, H, W, 3], target)) of each of `blocks`."""
+
+    def places(block: tf.Tensor) -> tf.data.Dataset:
+        return tf.data.Dataset.range(block * batch_size, (block + 1) * batch_size)
+
+    examples = make(blocks.flat_map(places)).batch(batch_size)
+    return examples.map(lambda place, batch: (place[0] // batch_size, batch))
+
+
+def _made_here(make: Make, block: int, batch_size: int) -> Batch:
+    _, batch = next(iter(_batches(make, tf.data.Dataset.range(block, block + 1), batch_size)))
+    return batch
+
+
+def _require_answer(address: str) -> None:
+    host, separator, port = address.rpartition(":")
+    if not separator or not port.isdigit():
+        raise InputError(f"data service {address!r} is not HOST:PORT")
+    try:
+        socket.create_connection((host, int(port)), timeout=_SECONDS).close()
+    except OSError as error:
+        raise InputError(
+            f"no data service answers at {address} ({error}); start one with python -m laesi_tf.serve"
+        ) from error

@@ -1,0 +1,114 @@
+"""Pictures made by other processes: the same batches in the same order, each once, whatever happens."""
+
+import itertools
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tensorflow as tf
+from hypothesis import given
+from hypothesis import strategies as st
+
+from laesi_tf.config import TrainConfig
+from laesi_tf.data import service
+from laesi_tf.errors import InputError
+from laesi_tf.training import _training, fit
+
+CONFIG = TrainConfig(
+    size=(32, 32), batch_size=4, steps=2, weights="none", augment="flip", validation_pictures=4
+)
+
+
+@st.composite
+def arrivals(draw: st.DrawFn) -> tuple[list[int], int]:
+    """Numbers from `first` on in an order that workers could finish them in, some lost."""
+    first, count = draw(st.integers(0, 5)), draw(st.integers(1, 40))
+    numbers = [number for number in range(first, first + count) if draw(st.integers(0, 9))]
+    late = {number: number + draw(st.integers(0, 6)) for number in numbers}
+    # What comes after all that, so that what was lost is missed.
+    return sorted(numbers, key=lambda number: late[number]) + list(
+        range(first + count, first + count + 60)
+    ), first
+
+
+@given(arrivals())
+def test_batches_are_put_in_order_and_gaps_filled(case: tuple[list[int], int]) -> None:
+    numbers, first = case
+    filled = []
+
+    def fill(number: int) -> str:
+        filled.append(number)
+        return f"batch {number}"
+
+    arriving = ((number, f"batch {number}") for number in numbers)
+    found = list(service.in_order(arriving, first, fill))
+    assert found == [f"batch {number}" for number in range(first, first + len(found))]
+    assert set(filled) == set(range(first, first + len(found))) - set(numbers)
+    assert len(found) >= numbers[-1] - first - service._PATIENCE
+
+
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+    """Two processes that serve, one with the dispatcher; and the address."""
+    with socket.socket() as free:
+        free.bind(("localhost", 0))
+        address = f"localhost:{free.getsockname()[1]}"
+    told = tmp_path_factory.mktemp("serve") / "serving.json"
+    commands = [["--port", address.rpartition(":")[2], "--json", str(told)], ["--join", address]]
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-m", "laesi_tf.serve", *command], stdout=subprocess.PIPE, text=True
+        )
+        for command in commands
+    ]
+    for process in started:
+        assert process.stdout is not None and address in process.stdout.readline()
+    assert json.loads(told.read_text()) == {"data_service": address}
+    yield address, started
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_a_worker_may_die_and_the_stream_stays_the_same(machines) -> None:
+    address, processes = machines
+    here = _training(CONFIG, "")(8)
+    there = _training(CONFIG, address)(8)
+    for number, (expected, found) in enumerate(itertools.islice(zip(here, there, strict=False), 90)):
+        for one, other in zip(tf.nest.flatten(expected), tf.nest.flatten(found), strict=True):
+            np.testing.assert_array_equal(one, other)
+        if number == 10:
+            processes[1].kill()
+
+
+def test_where_nobody_serves_is_said_at_once(tmp_path: Path) -> None:
+    begun = time.monotonic()
+    with pytest.raises(InputError, match=r"no data service answers at localhost:1 .*laesi_tf\.serve"):
+        fit(CONFIG, tmp_path / "run", data_service="localhost:1", show=False)
+    assert time.monotonic() - begun < 60
+    with pytest.raises(InputError, match="HOST:PORT"):
+        service.served(lambda places: places, "somewhere", batch_size=2, start=0)
+
+
+def test_a_mixture_is_not_made_elsewhere(tmp_path: Path) -> None:
+    mixture = tmp_path / "mixture.toml"
+    mixture.write_text('[only]\nkind = "live"\nweight = 1.0\n')
+    with pytest.raises(InputError, match="--data-service or --mixture"):
+        fit(replace(CONFIG, mixture=str(mixture)), tmp_path / "run", data_service="localhost:1", show=False)
+
+
+def test_serving_ends_when_told_to() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "laesi_tf.serve", "--port", "0"], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None and "--data-service" in process.stdout.readline()
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=60) == 0
