@@ -37,7 +37,7 @@ def backbone(
     if weights == "none":
         return _network(kind, size, alpha), FROM_SCRATCH
     if weights not in ("auto", "imagenet"):
-        return _from_file(_network(kind, size, alpha), Path(weights), f"{kind} of width {alpha:g}")
+        return from_file(_network(kind, size, alpha), Path(weights), f"MobileNetV3 {kind} of width {alpha:g}")
     try:
         return _network(kind, size, alpha, weights="imagenet"), "imagenet, Keras"
     except Exception as error:  # Keras wraps what the network throws in bare Exception
@@ -84,7 +84,11 @@ def _network(kind: str, size: tuple[int, int], alpha: float, weights: str | None
         socket.setdefaulttimeout(patience)
 
 
-def _from_file(base: keras.Model, path: Path, name: str) -> tuple[keras.Model, str]:
+def from_file(base: keras.Model, path: Path, name: str) -> tuple[keras.Model, str]:
+    """`base`, called `name` for people, with the weights in the file `path`, and their origin.
+
+    Raises InputError for a file that is missing, broken, or of another network.
+    """
     if not path.is_file():
         raise InputError(
             f"no weights file {path}; pass auto, imagenet, none or the path of a .weights.h5 file"
@@ -114,6 +118,6 @@ def _load_every(base: keras.Model, path: Path) -> bool:
 
 def _misfit(path: Path, name: str) -> str:
     return (
-        f"{path} does not hold weights of MobileNetV3 {name} (include_top=False); save them with "
-        f"model.save_weights, or choose the --backbone ({', '.join(BACKBONES)}) and --alpha they belong to"
+        f"{path} does not hold weights of {name} (include_top=False); save them with "
+        "model.save_weights, or name the network that they belong to"
     )

@@ -1,0 +1,75 @@
+"""Any set of pictures, whatever it comes as: a manifest, records, or a folder of image files."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from laesi_tf.data import records
+from laesi_tf.data.ahead import read_ahead
+from laesi_tf.data.decoding import decode
+from laesi_tf.data.fitting import fit
+from laesi_tf.data.folders import MANIFEST
+from laesi_tf.data.photos import read_manifest
+from laesi_tf.errors import InputError
+
+SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp"})
+
+
+def load_pictures(
+    path: Path, *, size: tuple[int, int], count: int, split: str | None = None
+) -> tuple[np.ndarray, list[str], list[str]]:
+    """At most `count` pictures of the set at `path`, spread evenly over it, and what they are called.
+
+    `path` is a manifest (CSV) or a folder: of records, with a manifest.csv, or of image files. Returns the
+    pictures as uint8 [N, h, w, 3] at `size`, their names, and a line for each file that cannot be read; a
+    `split` is one of a manifest's. Raises InputError where there is no picture.
+    """
+    if path.is_dir() and not (path / MANIFEST).is_file() and _has_records(path):
+        found = _recorded(path, size, count)
+        return np.stack([image for image, _ in found]), [name for _, name in found], []
+    files = _spread(_files(path, split), count)
+    images, names, unread = [], [], []
+    for file, image in read_ahead(decode, files):
+        if isinstance(image, InputError):
+            unread.append(str(image))
+        else:
+            images.append(fit(image, size)[0])
+            names.append(file.name)
+    if not images:
+        raise InputError(f"{path} has no picture that can be read; name a manifest or a folder of pictures")
+    return np.stack(images), names, unread
+
+
+def _has_records(folder: Path) -> bool:
+    return (folder / records.MANIFEST).is_file()
+
+
+def _recorded(folder: Path, size: tuple[int, int], count: int) -> list[tuple[np.ndarray, str]]:
+    contents = records.read_contents(folder)
+    chosen = set(_spread(list(range(contents.count)), count))
+    return list(_fitted(folder, size, chosen))
+
+
+def _fitted(folder: Path, size: tuple[int, int], chosen: set[int]) -> Iterator[tuple[np.ndarray, str]]:
+    for place, picture in enumerate(records.read(folder).as_numpy_iterator()):
+        if place in chosen:
+            yield fit(picture["image"], size)[0], f"picture {picture['index']}"
+
+
+def _files(path: Path, split: str | None) -> list[Path]:
+    manifest = path / MANIFEST if path.is_dir() else path
+    if manifest.is_file():
+        return [photo.image for photo in read_manifest(manifest, split=split)]
+    if not path.is_dir():
+        raise InputError(f"no pictures at {path}; name a manifest or a folder")
+    if split is not None:
+        raise InputError(f"{path} has no {MANIFEST}, which is what would name a split")
+    return sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES)
+
+
+def _spread(items: list, count: int) -> list:
+    """At most `count` of `items`, evenly spread."""
+    if len(items) <= count:
+        return items
+    return [items[place] for place in np.linspace(0, len(items) - 1, count).round().astype(int)]

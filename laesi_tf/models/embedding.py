@@ -1,0 +1,60 @@
+"""Networks trained on ImageNet as a measure of how alike two pictures are: the cosine of their features."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import keras
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.errors import InputError
+from laesi_tf.models.backbone import BACKBONES, backbone, from_file
+
+RESNET = "resnet50"
+NETWORKS = (RESNET, *BACKBONES)
+_BATCH = 32
+
+
+@dataclass(frozen=True)
+class Embedding:
+    """A network without its classifier, and where its weights come from."""
+
+    infer: Callable[[tf.Tensor], tf.Tensor]
+    origin: str
+
+    def __call__(self, images: np.ndarray) -> np.ndarray:
+        """Features [N, D], of unit length, of `images` uint8 [N, H, W, 3]: means of the last feature map."""
+        batches = np.split(images, range(_BATCH, len(images), _BATCH))
+        features = np.concatenate([self.infer(tf.constant(batch, tf.float32)).numpy() for batch in batches])
+        return features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), 1e-12)
+
+
+def embedding(network: str, *, size: tuple[int, int], weights: str = "imagenet") -> Embedding:
+    """The `network` of that name, one of NETWORKS, for images of `size`.
+
+    `weights` is "imagenet" (Keras's own file, downloaded once) or the path of a file. Raises InputError for
+    weights that cannot be had: features of an untrained network say little.
+    """
+    if network == RESNET:
+        base, origin = _resnet(size, weights)
+        inputs = keras.Input((*size, 3))
+        features = base(keras.applications.resnet50.preprocess_input(inputs))
+    else:
+        base, origin = backbone(network, size=size, weights=weights)
+        inputs, features = base.input, base.output
+    model = keras.Model(inputs, keras.layers.GlobalAveragePooling2D()(features))
+    infer = tf.function(lambda images: model(images, training=False), [tf.TensorSpec([None, *size, 3])])
+    return Embedding(infer, f"{network}, {origin}")
+
+
+def _resnet(size: tuple[int, int], weights: str) -> tuple[keras.Model, str]:
+    found = "imagenet" if weights == "imagenet" else None
+    try:
+        base = keras.applications.ResNet50(include_top=False, weights=found, input_shape=(*size, 3))
+    except Exception as error:  # Keras wraps what the network throws in bare Exception
+        raise InputError(
+            f"no ImageNet weights for {RESNET} ({str(error).splitlines()[0]}); "
+            "pass --weights PATH of a file you have, or --network of one"
+        ) from error
+    return (base, "imagenet, Keras") if found else from_file(base, Path(weights), "ResNet50")
