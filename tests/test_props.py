@@ -1,16 +1,19 @@
 """Things beside the leaf never cover it."""
 
+import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 import tensorflow as tf
 from scenes import RENDERING_2, middle
 
-from laesi_tf.synthesis import raster, sample
+from laesi_tf.synthesis import load_ranges, raster, sample
 from laesi_tf.synthesis.editing import every_component
-from laesi_tf.synthesis.keys import Key
+from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.props import PROPS, Props, Stage, place, scatter, scribble
+from laesi_tf.synthesis.ranges import Chance, _low_bits, count, draw
 from laesi_tf.synthesis.scene import Scene, geometry, leaf_edges
 
 SIZE = (160, 160)
@@ -70,3 +73,46 @@ def test_props_of_different_scenes_differ() -> None:
     scene, stage, _ = staged(2)
     one, other = (scatter(NOTHING, scene.props, stage, Key(0, i), ["fragment"]).numpy() for i in (0, 1))
     assert (one != other).any()
+
+
+CALIBRATION = load_ranges(Path(__file__).parents[1] / "experiments" / "calibration.toml")
+
+
+def test_calibration_square_is_whole_and_has_its_size_on_the_sheet() -> None:
+    """Counted on the sheet: each pixel that it covers has the size that the homography gives it there."""
+    for index in range(12):
+        scene = sample(8, index, CALIBRATION)
+        place = geometry(scene, SIZE)
+        stage = Stage(leaf=place.outline, view=place.view, size=SIZE)
+        laid = scatter(NOTHING, scene.props, stage, scene.key, ["calibration"]).numpy()
+        covered = (2 - laid[1]) / (2 - laid[1].min())
+        assert not covered[[0, -1]].any() and not covered[:, [0, -1]].any()
+        rows, columns = np.nonzero(covered)
+        to_px = place.view.to_px.numpy().astype(np.float64)
+        x, y, w = np.linalg.inv(to_px) @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
+        depth = to_px[2] @ np.stack([x / w, y / w, np.ones_like(w)])
+        found_mm2 = np.sum(covered[rows, columns] * np.abs(depth**3 / np.linalg.det(to_px)))
+        assert found_mm2 == pytest.approx(400, rel=0.02)
+
+
+def test_the_square_moves_no_number_of_pictures_without_it() -> None:
+    """Its fields take no uniform number of their own, and its row of random numbers is the last."""
+    without_late = [field.name for field in dataclasses.fields(Props) if "late" not in field.metadata]
+    uniform = tf.constant(np.random.default_rng(0).uniform(size=count(Props())).astype(np.float32))
+    assert len(uniform) == len(without_late) and list(PROPS)[-1] == "calibration"
+    drawn = draw(Props(), uniform)
+    for name, number in zip(without_late, uniform.numpy(), strict=True):
+        spec = getattr(Props(), name)
+        low, high = (spec.p - 1, spec.p) if isinstance(spec, Chance) else spec
+        value = np.float32(low) + number * (np.float32(high) - np.float32(low))
+        assert getattr(drawn, name).numpy() == (value > 0 if isinstance(spec, Chance) else value), name
+    before, now = (Key(3, 7).uniform([rows, 80], Purpose.PROPS).numpy() for rows in (5, 6))
+    np.testing.assert_array_equal(before, now[:5])
+
+
+def test_late_numbers_are_uniform_and_independent_of_those_they_are_made_from() -> None:
+    uniform = Key(0, 0).uniform([4000], Purpose.SCENE)
+    low = _low_bits(uniform).numpy()
+    assert low.min() >= 0 and low.max() < 1
+    assert low.mean() == pytest.approx(0.5, abs=0.02) and low.var() == pytest.approx(1 / 12, rel=0.05)
+    assert abs(np.corrcoef(uniform.numpy(), low)[0, 1]) < 0.05

@@ -161,7 +161,7 @@ def test_each_component_shows_and_leaves_mask_and_label_alone(component: str) ->
 PRESENCE = {
     "crease": ("paper", "creased"),
     "desk": ("paper", "edged"),
-    **{name: ("props", name) for name in ("fragment", "label", "pen", "coin", "handwriting")},
+    **{name: ("props", name) for name in ("fragment", "label", "pen", "coin", "handwriting", "calibration")},
     "browned_margin": ("surface", "margin_browned"),
     "spots": ("surface", "spotted"),
     "glass": ("light", "glass"),

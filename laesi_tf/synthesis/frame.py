@@ -38,13 +38,13 @@ class Window(NamedTuple):
         return tf.ensure_shape(tf.pad(part, padding), [3, *size])
 
 
-def window(low: tf.Tensor, high: tf.Tensor, size: tf.Tensor) -> Window:
-    """A window of a picture of `size` int32 [2] around the box from `low` to `high` [2] (x, y) in pixels.
+def window(low: tf.Tensor, high: tf.Tensor, frame: tf.Tensor) -> Window:
+    """A window around the box from `low` to `high` [2] (x, y) in pixels, of a picture with `frame` [2] (x, y).
 
     Its sides are multiples of 32 where the picture is large enough: libraries that compile a kernel for each
     shape then meet few of them.
     """
-    sides = tf.reverse(size, [0])
+    sides = tf.cast(frame, tf.int32)
     corner = tf.clip_by_value(tf.cast(tf.floor(low), tf.int32), 0, sides - 1)
     extent = tf.maximum(tf.cast(tf.math.ceil(high), tf.int32) - corner, 1)
     extent = tf.minimum((extent + _STEP - 1) // _STEP * _STEP, sides)

@@ -1,5 +1,7 @@
 """Things beside the leaf: paper scraps, label cards, pens, coins, handwriting (paper, "Scene Composition").
 
+And the red squares that rule-based methods take the scale from, where ranges ask for them.
+
 Each is a unit shape moved by T_xy R_theta S_xy, in sheet millimetres. A prop's place is found along a
 direction from the leaf: the leaf's support in that direction plus the prop's own, plus a gap, so the straight
 line between them proves that it never covers the leaf. A prop that a scene lacks costs nothing.
@@ -17,9 +19,11 @@ from laesi_tf.synthesis import camera, curves, paper, raster, veins
 from laesi_tf.synthesis.frame import Size, Window, window
 from laesi_tf.synthesis.fusing import fused
 from laesi_tf.synthesis.keys import Key, Purpose
-from laesi_tf.synthesis.ranges import Chance, Number
+from laesi_tf.synthesis.ranges import Chance, Number, late
 
 WRITING_POINTS = 48
+_DIRECTIONS = 16
+"""In which a place for the calibration square is looked for."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +51,24 @@ class Props:
     saturation: Number = (0.0, 0.9)
     ink_value: Number = (0.05, 0.4)
     stroke_mm: Number = (0.3, 0.9)
+    calibration: Number = late(Chance(0.0))
+    calibration_mm: Number = late(20.0)
+    """Side of the red square. Of 4 cm2, as Easy Leaf Area takes it to be, and the same in all pictures."""
+    calibration_hue: Number = late((-0.02, 0.02))
+    calibration_saturation: Number = late((0.75, 0.95))
+    calibration_value: Number = late((0.65, 0.9))
 
 
 class Stage(NamedTuple):
-    """Where props are placed: the leaf's outline [n, 2] (sheet mm), the view and the picture's size."""
+    """Where props are placed: the leaf's outline [n, 2] (sheet mm), the view and the picture's size.
+
+    Where a stage is compiled for, `size` bounds the picture's and `frame` [2] is its width and height.
+    """
 
     leaf: tf.Tensor
     view: camera.View
     size: Size
+    frame: tf.Tensor | None = None
 
 
 def place(
@@ -99,18 +113,19 @@ def _drawn(name: str, props: Props, stage: Stage, random: tf.Tensor) -> Drawn:
     """Prop `name` in a picture of the stage's size."""
     # Compiling takes half a second a prop: sizes that share a power of two share what is compiled.
     side = max(256, 2 ** math.ceil(math.log2(max(stage.size))))
-    return _drawn_within(name, props, stage._replace(size=(side, side)), tf.constant(stage.size), random)
+    frame = tf.constant(stage.size[::-1], tf.float32)
+    return _drawn_within(name, props, stage._replace(size=(side, side), frame=frame), random)
 
 
 @fused
-def _drawn_within(name: str, props: Props, stage: Stage, size: tf.Tensor, random: tf.Tensor) -> Drawn:
-    """`_drawn` in a picture of `size` int32 [2], which is no larger than the stage."""
+def _drawn_within(name: str, props: Props, stage: Stage, random: tf.Tensor) -> Drawn:
+    """`_drawn`, compiled for the stage's size."""
     items = PROPS[name](props, stage, random)
     edges = [_edges(item, stage) for item in items]
     layers = np.repeat(np.arange(len(items), dtype=np.int32), [polygon.shape[0] for polygon in edges])
     together = tf.concat(edges, axis=0)
     corners = together[:, 0]
-    around = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0) + 1, size)
+    around = window(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0) + 1, stage.frame)
     return Drawn(
         around=around,
         left=raster.deposits(together - around.corner, around.size, layers=tf.constant(layers)),
@@ -213,6 +228,21 @@ def coin(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
     return [disk.shadow(0.7), disk, face]
 
 
+def calibration(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
+    """A flat red square beside the leaf, in the direction in which most of it is seen."""
+    square = _box() * props.calibration_mm / 2
+    turns = random[0] * 2 * math.pi + np.arange(_DIRECTIONS, dtype=np.float32) * (2 * math.pi / _DIRECTIONS)
+    gap_mm = props.gap_mm / 4
+    places = tf.stack(
+        [place(square, stage, direction, props.turn, gap_mm) for direction in tf.unstack(turns)]
+    )
+    corners = camera.project(stage.view.to_px, places)
+    inside = tf.reduce_min(tf.minimum(corners, stage.frame - corners), axis=[1, 2])
+    points = tf.gather(places, tf.argmax(inside))
+    red = paper.tint(props.calibration_hue, props.calibration_saturation) * props.calibration_value
+    return [Item(points, red[:, None, None], 160)]
+
+
 def scribble(random: tf.Tensor, length_mm: tf.Tensor, height_mm: tf.Tensor, props: Props) -> tf.Tensor:
     """A handwritten word as one ribbon [2 * WRITING_POINTS, 2] mm, centred: loops of random height."""
     t = tf.constant(np.linspace(0, 1, WRITING_POINTS), tf.float32)
@@ -240,9 +270,11 @@ PROPS: dict[str, Callable[[Props, Stage, tf.Tensor], list[Item]]] = {
     "label": label,
     "coin": coin,
     "pen": pen,
+    "calibration": calibration,
 }
-"""From flat to high, the order in which they are laid down; each is present by the number of its name and
-returns its items, the lowest first."""
+"""From flat to high, the order in which they are laid down, but for the square, which nothing may hide; each
+is present by the number of its name and returns its items, the lowest first. New ones go to the end: the
+random numbers of those before them then stay what they were."""
 
 
 def scatter(image: tf.Tensor, props: Props, stage: Stage, key: Key, names: list[str]) -> tf.Tensor:

@@ -31,9 +31,22 @@ def numbers(room: Any) -> dict[str, Any]:
     return {field.name: getattr(room, field.name) for field in dataclasses.fields(room)}
 
 
+def late(default: Any) -> Any:
+    """A field, behind all others, that a room gained when pictures had been made of it.
+
+    A number of its own would move those of every field that is drawn after it, and so change every picture.
+    It is drawn with the low bits of another field's number instead: the first late one with the first's.
+    """
+    return dataclasses.field(default=default, metadata={"late": True})
+
+
 def count(room: Any) -> int:
-    """How many uniform numbers `draw` and `draw_one_of` take for `room`."""
-    return len(dataclasses.fields(room))
+    """How many uniform numbers `draw` and `draw_one_of` take for `room`: one for each field but late ones."""
+    return len(dataclasses.fields(room)) - _lates(room)
+
+
+def _lates(room: Any) -> int:
+    return sum(field.metadata.get("late", False) for field in dataclasses.fields(room))
 
 
 def draw(room: Room, uniform: tf.Tensor) -> Room:
@@ -45,12 +58,22 @@ def draw_one_of(rooms: list[Room], which: tf.Tensor, uniform: tf.Tensor) -> Room
     """Draw the numbers of `rooms[which]`: float32 scalars, or bool scalars where the range is a Chance."""
     bounds = np.array([[_bounds(value) for value in numbers(room).values()] for room in rooms], np.float32)
     low, high = tf.unstack(tf.gather(tf.constant(bounds), which), axis=-1)
+    if lates := _lates(rooms[0]):
+        uniform = tf.concat([uniform, _low_bits(uniform[:lates])], axis=0)
     values = tf.unstack(low + uniform * (high - low))
     drawn = {
         name: value > 0 if isinstance(spec, Chance) else value
         for (name, spec), value in zip(numbers(rooms[0]).items(), values, strict=True)
     }
     return dataclasses.replace(rooms[0], **drawn)  # type: ignore[type-var]
+
+
+def _low_bits(uniform: tf.Tensor) -> tf.Tensor:
+    """Numbers in [0, 1) from the last 12 of the 23 bits that make `uniform`.
+
+    They say nothing of the bits before them, which decide what the numbers themselves are used for.
+    """
+    return tf.math.floormod(uniform * 2**11, 1.0)
 
 
 def _bounds(spec: Any) -> tuple[float, float]:
