@@ -69,8 +69,9 @@ def add_models(made: argparse.ArgumentParser) -> None:
     made.add_argument(
         "--model",
         type=Path,
-        metavar="RUN",
-        help="training run that measures (default: those that come with the package)",
+        metavar="RUN|rule_based",
+        help="training run that measures, or Easy Leaf Area's rules, which need a red square of 4 cm2 in the "
+        "photo (default: the runs that come with the package)",
     )
     made.add_argument(
         "--mask-model", type=Path, metavar="RUN", help="training run of task mask: the ruling is read too"
