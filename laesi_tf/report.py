@@ -18,6 +18,8 @@ from laesi_tf.config import TrainConfig
 from laesi_tf.files import write_text
 from laesi_tf.runs import CONFIG, HISTORY, REPORT
 
+SCENES = "fresh synthetic pictures"
+"""What runs are judged on unless they are given something else."""
 _SHOWN = 8
 _PICTURE_PIXELS = 192
 _BLUE, _MAGENTA = (0, 90, 255), (255, 0, 160)
@@ -27,7 +29,7 @@ _NAMES = {
     "p90": "relative error that nine leaves in ten stay below (%)",
     "miou": "mean intersection over union, mIoU",
     "mpe": "mask pixel error, MPE",
-    "n": "validation pictures, fresh synthetic scenes",
+    "n": "validation pictures",
     "best_step": "step of the model that was kept",
     "steps": "steps trained",
     "minutes": "minutes",
@@ -68,8 +70,10 @@ def write(
     history: Sequence[Mapping[str, float]],
     found: Mapping[str, np.ndarray],
     pictures: Sequence[Picture],
+    *,
+    validated_on: str = SCENES,
 ) -> None:
-    """Write report.html into the run's folder `out`.
+    """Write report.html into the run's folder `out`; `validated_on` says what its figures were found on.
 
     `figures` are those of metrics.json, `history` the rows of history.csv, `found` arrays [N] over the
     validation set ("predicted" and "true" for areas), `pictures` those of `chosen` in its order.
@@ -77,7 +81,7 @@ def write(
     half = len(pictures) // 2
     parts = [
         f"<h1>{'Leaf area' if config.task == 'area' else 'Leaf mask'}, run {html.escape(out.name)}</h1>",
-        _headline(config, figures),
+        _headline(config, figures, validated_on),
         f"<h2>Figures</h2>{_table({_NAMES[key]: value for key, value in figures.items() if key in _NAMES})}",
         f"<h2>Learning</h2>{_chart(_curves(history))}<p class=note>The same numbers are in {HISTORY}.</p>",
         f"<h2>Predicted against true</h2>{_chart(_scatter(found))}" if config.task == "area" else "",
@@ -91,18 +95,19 @@ def write(
     write_text(out / REPORT, "\n".join([head, *filter(None, parts), "</html>\n"]))
 
 
-def _headline(config: TrainConfig, figures: Mapping[str, Any]) -> str:
+def _headline(config: TrainConfig, figures: Mapping[str, Any], validated_on: str) -> str:
     if config.task == "area":
         told = (
-            f"On fresh synthetic pictures the area is off by {figures['mre']:.1f} % on average; "
+            f"On {validated_on} the area is off by {figures['mre']:.1f} % on average; "
             f"half are within {figures['median']:.1f} %, nine in ten within {figures['p90']:.1f} %."
         )
     else:
         told = (
-            f"On fresh synthetic pictures true and predicted leaf overlap by {figures['miou']:.3f} "
+            f"On {validated_on} true and predicted leaf overlap by {figures['miou']:.3f} "
             f"(1 is perfect), and the leaf's pixel count is off by {100 * figures['mpe']:.1f} %."
         )
-    return f"<p>{told} Real photos differ: score those with evaluate.</p>"
+    told += " Real photos differ: score those with evaluate." if validated_on == SCENES else ""
+    return f"<p>{told}</p>"
 
 
 def _curves(history: Sequence[Mapping[str, float]]) -> Figure:

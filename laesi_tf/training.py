@@ -64,13 +64,15 @@ def fit(
     train: Stream | None = None,
     validation: Batches | None = None,
     data_service: str = "",
+    validated_on: str = report.SCENES,
     show: bool = True,
 ) -> Result:
     """Train what `config` says into the folder `out`, or continue the run that is there.
 
-    `train` and `validation` replace the live synthetic scenes; `validation` is held in memory. `data_service`
-    HOST:PORT has the scenes made elsewhere, with the same result. `show` draws a progress bar. Raises
-    InputError for a folder that holds something else and Diverged when the loss is NaN.
+    `train` and `validation` replace the live synthetic scenes; `validation` is held in memory, and the report
+    calls it `validated_on`. `data_service` HOST:PORT has the scenes made elsewhere, with the same result.
+    `show` draws a progress bar. Raises InputError for a folder that holds something else and Diverged when
+    the loss is NaN.
     """
     out = Path(out)
     origin = runs.origin_of(out, config)
@@ -87,6 +89,7 @@ def fit(
     progress = runs.load_state(out, [*model.variables, *follower.variables])
     fitting = _Fitting(config, out, model, follower, progress, train or _training(config, data_service))
     fitting.validation = list(_synthetic_validation(config) if validation is None else validation)
+    fitting.validated_on = validated_on
     if started is None:
         runs.begin(out, config, origin)
     try:
@@ -123,6 +126,7 @@ class _Fitting:
     """A run under way."""
 
     validation: list[tuple[tf.Tensor, tf.Tensor]]
+    validated_on: str
 
     def __init__(
         self,
@@ -296,7 +300,15 @@ def _figures(fitting: _Fitting, origin: str) -> dict[str, Any]:
         "weights_origin": origin,
     }
     pictures = [_picture(fitting, model, found, index) for index in report.chosen(found["error"])]
-    report.write(fitting.out, config, figures, progress.history, found, pictures)
+    report.write(
+        fitting.out,
+        config,
+        figures,
+        progress.history,
+        found,
+        pictures,
+        validated_on=fitting.validated_on,
+    )
     return figures
 
 

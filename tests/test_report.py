@@ -34,7 +34,8 @@ def test_the_report_of_areas_stands_alone(tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert not re.search(r"https?://|src='(?!data:)|<link|<script", page)
     assert page.count("data:image/png") == 2
-    assert "off by 4.2 % on average" in page
+    assert "On fresh synthetic pictures the area is off by 4.2 % on average" in page
+    assert "Real photos differ" in page
     assert "&lt;none&gt;" in page
     assert "9.0 cm² for 10.0 cm²: -10.0 %" in page
     assert page.index("+0.0 %") < page.index("Worst pictures") < page.index("-10.0 %")
@@ -48,10 +49,16 @@ def test_the_report_of_masks_draws_both_outlines(tmp_path):
     for row in history:
         del row["val_mre"]
     report.write(
-        tmp_path, TrainConfig(task="mask"), MASK, history, {}, [grey((predicted, true), iou=0.0)] * 2
+        tmp_path,
+        TrainConfig(task="mask"),
+        MASK,
+        history,
+        {},
+        [grey((predicted, true), iou=0.0)] * 2,
+        validated_on="photos",
     )
     page = (tmp_path / "report.html").read_text()
-    assert "overlap by 0.912" in page
+    assert "On photos true and predicted leaf overlap by 0.912" in page and "differ:" not in page
     assert "overlap (IoU) 0.000" in page
     assert page.count("data:image/png") == 1
     shown = pictures_of(page)[0]
