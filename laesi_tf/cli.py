@@ -52,10 +52,10 @@ class _Help(argparse.ArgumentDefaultsHelpFormatter):
         return action.help if action.default is None else super()._get_help_string(action)
 
 
-def parser(command: str, description: str | None) -> argparse.ArgumentParser:
-    """A parser for `python -m laesi_tf.<command>` whose --help shows defaults and that takes --json FILE."""
+def parser(command: str, description: str | None, *, package: str = "laesi_tf") -> argparse.ArgumentParser:
+    """A parser for `python -m <package>.<command>` whose --help shows defaults and that takes --json FILE."""
     made = _Parser(
-        prog=f"python -m laesi_tf.{command}",
+        prog=f"python -m {package}.{command}",
         description=description,
         formatter_class=_Help,
         allow_abbrev=False,

@@ -67,6 +67,16 @@ def write_json(path: Path | str, value: Any) -> None:
     write_text(path, json.dumps(_finite(value), indent=2, allow_nan=False) + "\n")
 
 
+def read_json(path: Path | str) -> Any:
+    """What a JSON file holds. Raises InputError where it is missing or broken."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(f"{path} is broken ({error}); delete it and make it again") from None
+
+
 def write_csv(path: Path | str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
     """Write `rows` below `header`, whole or not at all; None becomes an empty cell.
 

@@ -1,0 +1,285 @@
+"""The experiments, shortened to a few steps at 32 pixels."""
+
+import json
+import tomllib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conformance import EstimatorConformance
+from discs import disc
+from green import disk, mask_network, photo
+from PIL import Image
+
+from experiments import data, rows, study
+from experiments import run as command
+from experiments.masks import NetworkMask
+from experiments.rows import Trial, load_rows, trials
+from experiments.run import main
+from laesi_tf import training
+from laesi_tf.data import records
+from laesi_tf.data.mixture import load_mixture
+from laesi_tf.data.records import Contents
+from laesi_tf.errors import InputError
+from laesi_tf.estimators import Estimator
+
+SCALE = 0.005
+NAMES = ["rule_based", "real_baseline", "rendering_1", "rendering_2", "controlnet", "controlnet_filtering"]
+Run = Callable[..., dict[str, Any]]
+
+
+def write_manifest(folder: Path, *, masks: bool = True) -> Path:
+    """A manifest of discs: four photos to train on, two in either other split."""
+    splits = ["train"] * 4 + ["val"] * 2 + ["test"] * 2
+    lines = ["image,area_cm2,split" + (",mask" if masks else "")]
+    for index, split in enumerate(splits):
+        image, mask = disc(index, 64)
+        Image.fromarray(image).save(folder / f"{index}.png")
+        Image.fromarray(mask * 255).save(folder / f"{index}_mask.png")
+        area = 100 * mask.mean() + 1
+        lines.append(f"{index}.png,{area},{split}" + (f",{index}_mask.png" if masks else ""))
+    (folder / "manifest.csv").write_text("\n".join(lines))
+    return folder / "manifest.csv"
+
+
+@pytest.fixture(scope="module")
+def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_manifest(tmp_path_factory.mktemp("photos"))
+
+
+@pytest.fixture(scope="module")
+def run(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Run experiments, of `tasks` alone, into a folder and return what --json says."""
+    sets = tmp_path_factory.mktemp("sets")
+
+    def call(
+        out: Path,
+        *names: str,
+        tasks: Sequence[str] = ("area", "mask"),
+        photos: Path = manifest,
+        scale: float = SCALE,
+    ) -> dict[str, Any]:
+        options = ["--photos", photos, "--out", out, "--data", sets, "--json", out / "told.json"]
+        options += ["--scale", scale, "--seeds", 1, "--weights", "none"]
+        with pytest.MonkeyPatch.context() as patch:
+            chosen = [trial for trial in trials(load_rows(names), seeds=1) if trial.task in tasks]
+            patch.setattr(command, "trials", lambda *_, **__: chosen)
+            main([*names, *map(str, options)])
+        return json.loads((out / "told.json").read_text())
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def finished(run: Run, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Experiments that nothing interrupted: their folder and figures."""
+    out = tmp_path_factory.mktemp("runs") / "experiments"
+    told = run(out, "real_baseline", "controlnet")
+    return out, told | run(out, "rule_based", "rendering_1", tasks=["area"])
+
+
+def test_rows_are_the_papers_with_its_figures() -> None:
+    found = load_rows()
+    assert [row.name for row in found] == NAMES
+    table = {row.name: row.paper[row.counts[0]] for row in found}
+    assert table["rule_based"] == {"val_mre": 38.3, "test_mre": 38.3}
+    assert [list(table[name].values()) for name in NAMES[1:]] == [
+        [12.5, 12.9, 0.79, 0.08],
+        [12.0, 11.0, 0.81, 0.07],
+        [10.8, 11.3, 0.82, 0.07],
+        [8.4, 10.0, 0.80, 0.09],
+        [8.5, 9.2, 0.83, 0.05],
+    ]
+    assert found[-1].paper[10000] == {"val_mre": 6.1, "test_mre": 6.2}
+    assert found[-1].counts == found[-2].counts == (5000, 6000, 7000, 8000, 9000, 10000)
+
+
+def test_every_seed_sees_every_row_and_masks_only_the_tables() -> None:
+    planned = trials(load_rows(), seeds=3)
+    assert len({trial.folder for trial in planned}) == len(planned)
+    assert [trial.seed for trial in planned] == sorted(trial.seed for trial in planned)
+    first = [trial for trial in planned if trial.seed == 0]
+    assert [trial.row.name for trial in first if trial.task == "mask"] == NAMES[1:]
+    assert all(trial.count == trial.row.counts[0] for trial in first if trial.task == "mask")
+    areas = [(trial.row.name, trial.count) for trial in first if trial.task == "area"]
+    assert areas == [(row.name, count) for row in load_rows() for count in row.counts]
+
+
+@pytest.mark.parametrize("task", ["area", "mask"])
+def test_the_recipe_is_one_for_all_rows_and_shrinks(task: str) -> None:
+    whole = rows.config(task, scale=1.0)
+    assert (whole.task, whole.size, whole.optimizer) == (task, (160, 160), "rmsprop")
+    assert whole.learning_rate == 1e-3 and whole.final_learning_rate == 1e-9 and whole.schedule == "piecewise"
+    short = rows.config(task, scale=0.36, seed=7)
+    assert short.size == (96, 96) and short.steps == pytest.approx(0.36 * whole.steps, abs=1)
+    assert short.seed == 7 and whole.seed == 0
+    assert rows.config(task, scale=1e-4).steps == 1
+
+
+def test_what_has_data_is_trained_and_measured_and_the_rest_is_missing(
+    finished: tuple[Path, dict[str, Any]],
+) -> None:
+    out, told = finished
+    mask = told["real_baseline-0/mask-0"]
+    for name in ("real_baseline-0", "rendering_1-5000"):
+        area = told[f"{name}/area-0"]
+        for split in ("val", "test"):
+            assert area[split]["mre"] > 0 and area[split]["miou"] is None and area[split]["n"] == 1
+            assert 0 <= mask[split]["miou"] <= 1 and mask[split]["mre"] is None
+        # The figure of the best model by the training loop and by the scoring of photos.
+        metrics = json.loads((out / name / "area-0" / "metrics.json").read_text())
+        assert area["val"]["mre"] == pytest.approx(metrics["mre"], rel=0.02)
+    rules = told["rule_based-30/area-0"]
+    assert rules["val"] == rules["test"] and rules["val"]["n"] == 1 and rules["val"]["miou"] is not None
+    assert told["controlnet-5000/area-0"] is None and told["controlnet-5000/mask-0"] is None
+    assert not (out / "controlnet-5000").exists()
+    report = (out / "real_baseline-0" / "area-0" / "report.html").read_text()
+    assert (
+        "On the validation photos the area" in report and "synthetic" not in report.split("Configuration")[0]
+    )
+
+
+def test_each_row_is_trained_on_its_data(finished: tuple[Path, dict[str, Any]]) -> None:
+    out, _ = finished
+    real, rendered = (
+        tomllib.loads((out / name / "mixture.toml").read_text())
+        for name in ("real_baseline-0", "rendering_1-5000")
+    )
+    assert list(real) == ["photos"] and real["photos"]["split"] == "train" and real["photos"]["count"] == 1
+    assert rendered["photos"] == real["photos"] and rendered["scenes"]["count"] == 25
+    scenes = records.read_contents(rendered["scenes"]["folder"])
+    assert scenes.count == 25 and scenes.size == (32, 32) and "lighting_passes = 1" in scenes.ranges
+    sources = load_mixture(out / "rendering_1-5000" / "mixture.toml", size=(32, 32), seed=0, masked=True)
+    assert [(source.name, source.weight) for source in sources] == [("photos", 1.0), ("scenes", 25.0)]
+
+
+def test_finished_seeds_are_passed_over(
+    finished: tuple[Path, dict[str, Any]],
+    run: Run,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out, told = finished
+    for name in ("fit", "evaluate"):
+        monkeypatch.setattr(study, name, lambda *_, **__: pytest.fail("done again"))
+    again = run(out, "real_baseline", "rule_based")
+    assert again == {name: told[name] for name in again} and len(again) == 3
+    assert capsys.readouterr().out.count("finished before") == 3
+
+
+def test_killed_experiments_go_on_to_the_same_figures(
+    finished: tuple[Path, dict[str, Any]], run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stopped in its training, then in its measuring."""
+    out, (_, told) = tmp_path / "out", finished
+    area = out / "real_baseline-0" / "area-0"
+
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    for where, name, left in (
+        (training._Fitting, "_validate", "state.npz"),
+        (study, "evaluate", "best.keras"),
+    ):
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(where, name, interrupt)
+            run(out, "real_baseline", tasks=["area"])
+        assert (area / left).is_file() and not (area / study.MEASURED).exists()
+    (resumed,) = run(out, "real_baseline", tasks=["area"]).values()
+    assert resumed | {"minutes": 0} == told["real_baseline-0/area-0"] | {"minutes": 0}
+
+
+def test_other_photos_scales_and_recipes_do_not_mix(
+    finished: tuple[Path, dict[str, Any]], run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, _ = finished
+    with pytest.raises(InputError, match="other photos or at another scale"):
+        run(out, "real_baseline", scale=0.01)
+    with pytest.raises(InputError, match="other photos or at another scale"):
+        run(out, "real_baseline", photos=write_manifest(tmp_path, masks=False))
+    recipe = rows.config
+    monkeypatch.setattr(study, "config", lambda task, **keys: recipe(task, optimizer="adam", **keys))
+    with pytest.raises(InputError, match="differs in optimizer"):
+        run(out, "real_baseline")
+
+
+def test_without_masks_areas_are_learned_all_the_same(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ran: list[Trial] = []
+    figures = {split: {"mre": 1.0, "miou": None} for split in ("val", "test")}
+    monkeypatch.setattr(study.Study, "run", lambda _, trial: ran.append(trial) or figures)
+    told = run(tmp_path / "out", "real_baseline", photos=write_manifest(tmp_path, masks=False))
+    assert [trial.task for trial in ran] == ["area"] and told["real_baseline-0/mask-0"] is None
+    assert "real_baseline, mask: missing: no masks" in capsys.readouterr().out
+
+
+def test_a_seed_that_diverges_does_not_end_the_others(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def diverge(*_: Any) -> None:
+        raise training.Diverged("training diverged")
+
+    monkeypatch.setattr(study.Study, "run", diverge)
+    assert run(tmp_path, "real_baseline") == {"real_baseline-0/area-0": None, "real_baseline-0/mask-0": None}
+
+
+@pytest.mark.parametrize(
+    ("count", "side", "form", "said"),
+    [
+        (5000, 32, "records", None),
+        (4999, 32, "records", "4999 pictures, not 5000"),
+        (5000, 64, "records", "32 x 32 pixels"),
+        (5000, 32, "folder", "records"),
+    ],
+)
+def test_inpainted_pictures_must_be_enough_and_of_the_size(
+    tmp_path: Path, count: int, side: int, form: str, said: str | None
+) -> None:
+    (row,) = load_rows(["controlnet"])
+    contents = Contents(count=count, size=(side, side), per_shard=1000, seed=0, format=form, ranges="")
+    records.begin(tmp_path / row.folder, contents)
+    trial = Trial(row=row, count=5000, task="area", seed=0)
+    found = data.missing(trial, tmp_path, size=(32, 32), scale=1.0)
+    assert found is None if said is None else found is not None and said in found
+
+
+class TestNetworkMask(EstimatorConformance):
+    @pytest.fixture(scope="class")
+    @classmethod
+    def estimator(cls) -> Estimator:
+        return NetworkMask(mask_network((64, 64)), (64, 64))
+
+
+@pytest.mark.parametrize("size", [(300, 300), (300, 450)])
+def test_the_networks_own_mask_covers_the_photo(size: tuple[int, int]) -> None:
+    mask = NetworkMask(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
+    assert mask is not None
+    true = disk(*size)
+    assert (mask & true).sum() / (mask | true).sum() > 0.95
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["rendering_3"], "unknown experiment 'rendering_3'"),
+        (["--scale", "0"], "share above 0"),
+        (["--scale", "1.5"], "share above 0"),
+        (["--seeds", "0"], "from 1 up"),
+        (["--photos", "nowhere.csv"], "nowhere.csv"),
+        (["--weights", "nowhere.h5", "real_baseline", "--scale", "0.005"], "no weights file nowhere.h5"),
+    ],
+)
+def test_bad_input(arguments: Sequence[str], said: str, manifest: Path, tmp_path: Path) -> None:
+    places = ["--photos", manifest, "--out", tmp_path / "out", "--data", tmp_path / "sets"]
+    with pytest.raises(InputError, match=said):
+        main([*map(str, places), *arguments])
+
+
+def test_a_manifest_without_the_three_splits_is_told(tmp_path: Path) -> None:
+    manifest = write_manifest(tmp_path)
+    manifest.write_text(manifest.read_text().replace(",val,", ",train,"))
+    with pytest.raises(InputError, match="no photo in split 'val'"):
+        main(["--photos", str(manifest), "--out", str(tmp_path / "out")])
+    assert not (tmp_path / "out").exists()
