@@ -39,7 +39,7 @@ class Window(NamedTuple):
 
 
 def window(low: tf.Tensor, high: tf.Tensor, frame: tf.Tensor) -> Window:
-    """A window around the box from `low` to `high` [2] (x, y) in pixels, of a picture with `frame` [2] (x, y).
+    """The window around the box from `low` to `high` [2] (x, y), of a picture with `frame` [2] (x, y) pixels.
 
     Its sides are multiples of 32 where the picture is large enough: libraries that compile a kernel for each
     shape then meet few of them.
