@@ -77,6 +77,32 @@ def optimizer(
     return OPTIMIZERS[name](_Following(SCHEDULES[schedule], peak=peak, final=final, steps=steps))
 
 
+def state(optimizer: keras.optimizers.Optimizer) -> list[Any]:
+    """All variables of a built optimizer. Keras's Nadam has one that it does not list among its own."""
+    unlisted = getattr(optimizer, "_u_product", None)
+    return [*optimizer.variables, *([] if unlisted is None else [unlisted])]
+
+
+class Rates(keras.optimizers.schedules.LearningRateSchedule):
+    """A learning rate read from a table, float32 [steps], that is set while a graph is in use.
+
+    One compiled step so serves every schedule: `optimizer(Rates(steps))`, then `follow` before each run.
+    """
+
+    def __init__(self, steps: int) -> None:
+        super().__init__()
+        self.steps = steps
+        self.table = tf.Variable(tf.zeros([steps]), trainable=False, name="rates")
+
+    def follow(self, schedule: str, *, peak: float, final: float) -> None:
+        """Set the table to a schedule of SCHEDULES over its length."""
+        rates = SCHEDULES[schedule](tf.range(self.steps), peak=peak, final=final, steps=self.steps)
+        self.table.assign(rates)
+
+    def __call__(self, step: Any) -> tf.Tensor:
+        return tf.gather(self.table, tf.minimum(tf.cast(step, tf.int32), self.steps - 1))
+
+
 class _Following(keras.optimizers.schedules.LearningRateSchedule):
     """What Keras asks of a schedule, around a plain function."""
 

@@ -8,8 +8,9 @@ import itertools
 import json
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -24,6 +25,7 @@ from laesi_tf.data import augment, mixture, service, synthetic
 from laesi_tf.data.textures import load_textures
 from laesi_tf.errors import InputError
 from laesi_tf.files import whole, write_json
+from laesi_tf.learner import Batches, Learner, assessed
 from laesi_tf.models import batch_norm
 from laesi_tf.models.backbone import FROM_SCRATCH, backbone
 from laesi_tf.runs import Progress, Run, load_run
@@ -33,14 +35,11 @@ from laesi_tf.tasks import Task, task
 
 __all__ = ["Diverged", "Result", "Run", "assess", "build", "fit", "load_run"]
 
-# Batches (image uint8 [B, H, W, 3], target) as laesi_tf.data.synthetic.batches makes them.
-Batches = Iterable[tuple[tf.Tensor, tf.Tensor]]
 # From the index of the first picture to an endless stream of batches.
 Stream = Callable[[int], Batches]
 
-# Batch normalisation is recalibrated on this many pictures. The larger their batches, the nearer a pass in
-# training mode is to one in inference mode, and the more memory it takes.
-_CALIBRATION_PICTURES, _CALIBRATION_BATCH = 512, 64
+_CALIBRATION_PICTURES = 512
+"""Batch normalisation is recalibrated on this many pictures."""
 _VALIDATION_SEED = 0
 
 
@@ -85,9 +84,9 @@ def fit(
         final=config.final_learning_rate,
         steps=config.steps,
     )
-    follower.build(model.trainable_variables)
-    progress = runs.load_state(out, [*model.variables, *follower.variables])
-    fitting = _Fitting(config, out, model, follower, progress, train or _training(config, data_service))
+    learner = Learner(model, task(config), follower)
+    progress = runs.load_state(out, learner.variables)
+    fitting = _Fitting(config, out, learner, progress, train or _training(config, data_service))
     fitting.validation = list(_synthetic_validation(config) if validation is None else validation)
     fitting.validated_on = validated_on
     if started is None:
@@ -119,7 +118,7 @@ def build(config: TrainConfig, *, origin: str | None = None) -> tuple[keras.Mode
 
 def assess(model: keras.Model, judged: Task, batches: Batches) -> dict[str, np.ndarray]:
     """What `judged` says of every picture in `batches`, [N] per key; and "loss", their mean [1]."""
-    return _assess(tf.function(lambda images: model(images, training=False)), judged, batches)
+    return assessed(tf.function(lambda images: model(images, training=False)), judged, batches)
 
 
 class _Fitting:
@@ -132,16 +131,12 @@ class _Fitting:
         self,
         config: TrainConfig,
         out: Path,
-        model: keras.Model,
-        follower: keras.optimizers.Optimizer,
+        learner: Learner,
         progress: Progress,
         stream: Stream,
     ) -> None:
-        self.config, self.out, self.model, self.optimizer = config, out, model, follower
-        self.progress, self.stream, self.task = progress, stream, task(config)
-        self.recalibrate = batch_norm.recalibrator(model, self._calibration)
-        self.infer = tf.function(lambda images: model(images, training=False))
-        self.train_step = tf.function(self._train_step)
+        self.config, self.out, self.learner = config, out, learner
+        self.progress, self.stream, self.task = progress, stream, learner.task
 
     def run(self, *, show: bool) -> None:
         """Step, validate and save until the end; what was done is kept on Ctrl-C."""
@@ -162,7 +157,7 @@ class _Fitting:
                 if step % self.config.checkpoint_every == 0 or self.finished:
                     self._save()
         except KeyboardInterrupt:
-            if int(self.optimizer.iterations) == self.progress.step:  # not in the middle of a step
+            if int(self.learner.optimizer.iterations) == self.progress.step:  # not in the middle of a step
                 self._save()
             raise
         finally:
@@ -177,7 +172,7 @@ class _Fitting:
         """Train on one batch at a time, yielding how many steps are done in all."""
         begun: float | None = None  # the first step is mostly tracing: it is not timed
         for images, target in self.stream(self.progress.step * self.config.batch_size):
-            loss = float(self.train_step(images, target))
+            loss = float(self.learner.step(images, target))
             if not math.isfinite(loss):
                 raise self._diverged(f"the loss is {loss}")
             self.progress.step += 1
@@ -192,17 +187,10 @@ class _Fitting:
             begun = time.monotonic()
         raise ValueError(f"the training stream ended after {self.progress.step} of {self.config.steps} steps")
 
-    def _train_step(self, images: tf.Tensor, target: tf.Tensor) -> tf.Tensor:
-        with tf.GradientTape() as tape:
-            loss = self.task.loss(self.model(images, training=True), target)
-        variables = self.model.trainable_variables
-        self.optimizer.apply(tape.gradient(loss, variables), variables)
-        return loss
-
     def _validate(self) -> dict[str, float]:
         """Judge the model on the validation pictures, keep it if it is the best; the history's new row."""
-        self.recalibrate()
-        found = _assess(self.infer, self.task, self.validation)
+        self.learner.recalibrate(lambda: self._calibration)
+        found = self.learner.assess(self.validation)
         figures = self.task.figures(found)
         if not math.isfinite(figures[self.task.score] + found["loss"][0]):
             raise self._diverged("validation gives no numbers")
@@ -216,7 +204,7 @@ class _Fitting:
         if progress.best_merit is None or merit > progress.best_merit:
             progress.best_merit, progress.best_step, progress.stale = merit, progress.step, 0
             with whole(self.out / runs.BEST) as temporary:
-                self.model.save(temporary)
+                self.learner.model.save(temporary)
         runs.write_history(self.out, progress.history)
         return row
 
@@ -243,16 +231,13 @@ class _Fitting:
         return float(schedule(tf.constant(step), **ends))
 
     def _save(self) -> None:
-        runs.save_state(self.out, self.progress, [*self.model.variables, *self.optimizer.variables])
+        runs.save_state(self.out, self.progress, self.learner.variables)
 
+    @cached_property
     def _calibration(self) -> list[tf.Tensor]:
         count = -(-_CALIBRATION_PICTURES // self.config.batch_size)
-        batches = [images for images, _ in itertools.islice(self.stream(0), count)]
-        pictures = tf.concat(batches, axis=0)[:_CALIBRATION_PICTURES]
-        return [
-            pictures[first : first + _CALIBRATION_BATCH]
-            for first in range(0, len(pictures), _CALIBRATION_BATCH)
-        ]
+        batches = (images for images, _ in itertools.islice(self.stream(0), count))
+        return batch_norm.calibration(batches, _CALIBRATION_PICTURES)
 
     def _diverged(self, what: str) -> Diverged:
         step = self.progress.step
@@ -260,19 +245,6 @@ class _Fitting:
             f"training diverged: {what} at step {step + 1}, learning rate {self._rate(step):.3g}; "
             f"start again with a lower --learning-rate in another --out ({self.out} keeps what was reached)"
         )
-
-
-def _assess(infer: Callable[[tf.Tensor], tf.Tensor], judged: Task, batches: Batches) -> dict[str, np.ndarray]:
-    found: dict[str, list[np.ndarray]] = {}
-    losses, sizes = [], []
-    for images, target in batches:
-        output = infer(images)
-        losses.append(float(judged.loss(output, target)))
-        sizes.append(len(images))
-        for key, values in judged.per_picture(output.numpy(), np.asarray(target)).items():
-            found.setdefault(key, []).append(values)
-    joined = {key: np.concatenate(values) for key, values in found.items()}
-    return joined | {"loss": np.array([np.average(losses, weights=sizes)])}
 
 
 def _finish(fitting: _Fitting, origin: str) -> Result:

@@ -194,7 +194,7 @@ def test_recalibrated_statistics_are_those_of_all_pictures_together():
     layer = keras.layers.BatchNormalization()
     model = keras.Model(inputs, layer(inputs))
     batches = [tf.constant(images(5, size=(8, 8), seed=seed), tf.float32) * (1.0 + seed) for seed in range(3)]
-    batch_norm.recalibrator(model, lambda: batches)()
+    batch_norm.recalibrator(model)(lambda: batches)
     values = np.concatenate(batches).reshape(-1, 3).astype(np.float64)
     np.testing.assert_allclose(layer.moving_mean, values.mean(0), rtol=1e-5)
     np.testing.assert_allclose(layer.moving_variance, values.var(0), rtol=1e-4)
@@ -209,7 +209,7 @@ def test_frozen_layers_neither_learn_nor_drift():
     before = [variable.numpy() for layer in frozen for variable in layer.variables]
     head = model.get_layer("head_bn").moving_mean.numpy()
     learned = {id(variable) for variable in model.trainable_variables}
-    batch_norm.recalibrator(model, lambda: [images()])()
+    batch_norm.recalibrator(model)(lambda: [images()])
     assert not any(id(variable) in learned for layer in frozen for variable in layer.variables)
     for one, other in zip(before, [v for layer in frozen for v in layer.variables], strict=True):
         np.testing.assert_array_equal(one, other)

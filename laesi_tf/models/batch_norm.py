@@ -13,6 +13,10 @@ import keras
 import numpy as np
 import tensorflow as tf
 
+# The larger the batches, the nearer a pass in training mode is to one in inference mode, and the more memory
+# it takes.
+_BATCH = 64
+
 
 def layers(model: keras.Model) -> list[keras.layers.BatchNormalization]:
     """The batch-normalisation layers of `model` in its order."""
@@ -25,26 +29,24 @@ def freeze(model: keras.Model) -> None:
         layer.trainable = False
 
 
-def recalibrator(model: keras.Model, pictures: Callable[[], Iterable[tf.Tensor]]) -> Callable[[], None]:
-    """A function that sets the statistics of `model`'s unfrozen layers to those of `pictures`.
+def recalibrator(model: keras.Model) -> Callable[[Callable[[], Iterable[tf.Tensor]]], None]:
+    """A function that sets the statistics of `model`'s unfrozen layers to those of pictures.
 
-    `pictures` gives image batches [B, H, W, 3] of equal size; it is called once, when first needed, and its
-    batches are kept. Mean and variance become exactly those over all pictures, every layer being fed
-    what it is fed in training. Sets the layers' momentum to 0, so that a pass in training mode leaves its own
-    batch's statistics: make the recalibrator before tracing a training step.
+    It takes what gives image batches [B, H, W, 3] of equal size, and asks only if a layer is unfrozen. Mean
+    and variance become exactly those over all pictures, every layer being fed what it is fed in training.
+    Sets the layers' momentum to 0, so that a pass in training mode leaves its own batch's statistics: make
+    the recalibrator before tracing a training step.
     """
     free = [layer for layer in layers(model) if layer.trainable]
     for layer in free:
         layer.momentum = 0.0
     forward = tf.function(lambda images: model(images, training=True))
-    kept: list[tf.Tensor] = []
 
-    def recalibrate() -> None:
+    def recalibrate(pictures: Callable[[], Iterable[tf.Tensor]]) -> None:
         if not free:
             return
-        kept.extend([] if kept else pictures())
         moments = []
-        for images in kept:
+        for images in pictures():
             forward(images)
             moments.append([_moments(layer) for layer in free])
         for layer, *found in zip(free, *moments, strict=True):
@@ -53,6 +55,12 @@ def recalibrator(model: keras.Model, pictures: Callable[[], Iterable[tf.Tensor]]
             layer.moving_variance.assign(np.maximum(square - mean**2, 0.0))
 
     return recalibrate
+
+
+def calibration(batches: Iterable[tf.Tensor], pictures: int) -> list[tf.Tensor]:
+    """The first `pictures` of image batches [B, H, W, 3], in the batches that a recalibrator is fed."""
+    joined = tf.concat(list(batches), axis=0)[:pictures]
+    return [joined[first : first + _BATCH] for first in range(0, len(joined), _BATCH)]
 
 
 def _moments(layer: keras.layers.BatchNormalization) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,59 @@
+"""What the 1,425 points are."""
+
+import csv
+import io
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from laesi_tf.config import TrainConfig
+from laesi_tf.data.augment import AUGMENTATIONS, PAPER, switches
+from laesi_tf.errors import InputError
+from sweeps import grid
+
+
+def test_every_combination_is_there_once() -> None:
+    assert [len(levels) for levels in grid.FACTORS.values()] == [3, 5, 5, 19]
+    assert len(grid.POINTS) == len(set(grid.POINTS)) == 3 * 5 * 5 * 19 == 1425
+    for factor, levels in grid.FACTORS.items():
+        counts = Counter(point.levels[factor] for point in grid.POINTS)
+        assert counts == {level: 1425 // len(levels) for level in levels}
+
+
+def test_training_takes_every_level() -> None:
+    for point in grid.POINTS:
+        TrainConfig(optimizer=point.optimizer, schedule=point.schedule, augment=",".join(point.augmentations))
+
+
+def test_the_sets_are_nothing_all_the_papers_each_and_the_papers_less_each() -> None:
+    sets = [frozenset(names) for names in grid.AUGMENTATION_SETS.values()]
+    paper = frozenset(PAPER)
+    wanted = [frozenset(), frozenset(AUGMENTATIONS), paper]
+    wanted += [frozenset([name]) for name in AUGMENTATIONS] + [paper - {name} for name in PAPER]
+    assert Counter(sets) == Counter(wanted) and len(set(sets)) == 19
+    assert all(switches(names).sum() == len(names) for names in grid.AUGMENTATION_SETS.values())
+
+
+def test_the_papers_optimum_is_one_of_them() -> None:
+    assert grid.POINTS.count(grid.OPTIMUM) == 1
+    assert set(grid.OPTIMUM.augmentations) == set(PAPER)
+
+
+def test_it_is_printed_and_written_as_csv(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    grid.main([])
+    printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    grid.main(["--out", str(tmp_path / "grid.csv"), "--json", str(tmp_path / "grid.json")])
+    with (tmp_path / "grid.csv").open() as file:
+        assert list(csv.DictReader(file)) == printed
+    assert [int(row["number"]) for row in printed] == list(range(1425))
+    assert [row["paper_optimum"] for row in printed].count("1") == 1
+    for row, point in zip(printed, grid.POINTS, strict=True):
+        assert {factor: row[factor] for factor in grid.FACTORS} == point.levels
+    assert len(json.loads((tmp_path / "grid.json").read_text())) == 1425
+
+
+def test_bad_input(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a folder"):
+        grid.main(["--out", str(tmp_path)])
