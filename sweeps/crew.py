@@ -1,0 +1,101 @@
+"""Several workers on this machine: started, replaced when they die, ended together."""
+
+import multiprocessing
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from optuna.trial import TrialState
+from tqdm import tqdm
+
+from laesi_tf.errors import InputError
+from sweeps.ledger import Ledger
+
+_POLL_S = 1.0
+_ENDING_S = 60.0
+"""What workers get to hand back their trials when they are asked to end."""
+_BAD_INPUT = 2
+"""Exit status of a command that was asked for what cannot be; it has said what."""
+_FRUITLESS = 8
+"""Deaths without a trial completed in between, after which replacing workers is of no use."""
+
+
+def supervise(
+    target: Callable[..., None], arguments: tuple[Any, ...], *, workers: int, ledger: Ledger
+) -> None:
+    """Run `target(*arguments)` in `workers` processes until each has returned, replacing those that die.
+
+    `target` must be importable. Raises InputError if one was given bad input, and RuntimeError if they die
+    and die. However this ends, they are asked to end too and given a minute.
+    """
+    context = multiprocessing.get_context("spawn")
+    crew: list[BaseProcess] = []
+
+    def hire() -> BaseProcess:
+        made = context.Process(target=target, args=arguments)
+        made.start()
+        return made
+
+    with _ended(crew), _bar(ledger) as show:
+        crew.extend(hire() for _ in range(workers))
+        deaths, complete = 0, 0
+        while any(member.exitcode != 0 for member in crew):
+            for place, member in enumerate(crew):
+                if member.exitcode == _BAD_INPUT:
+                    raise InputError("a worker was given bad input and has said which")
+                if member.exitcode:
+                    deaths += 1
+                    if deaths > _FRUITLESS:
+                        raise RuntimeError(f"workers die: {deaths} times, the last with {member.exitcode}")
+                    crew[place] = hire()
+            before, complete = complete, show()
+            deaths = deaths if complete == before else 0
+            time.sleep(_POLL_S)
+        show()
+
+
+def orphaned() -> bool:
+    """Whether this worker's supervisor is gone: then no one wants it any more."""
+    parent = multiprocessing.parent_process()
+    return parent is not None and not parent.is_alive()
+
+
+def end_on_sigterm() -> None:
+    """Let SIGTERM end this process as Ctrl-C does, with time to hand back what it holds."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+@contextmanager
+def _ended(crew: list[BaseProcess]) -> Iterator[None]:
+    end_on_sigterm()
+    try:
+        yield
+    finally:
+        for member in crew:
+            if member.exitcode is None:
+                member.terminate()
+        deadline = time.monotonic() + _ENDING_S
+        for member in crew:
+            member.join(max(0.0, deadline - time.monotonic()))
+            if member.exitcode is None:
+                member.kill()
+
+
+@contextmanager
+def _bar(ledger: Ledger) -> Iterator[Callable[[], int]]:
+    """A progress bar, and what brings it up to date and tells how many trials are complete."""
+    counts = ledger.store.patiently(ledger.counts)
+    begun, total = counts[TrialState.COMPLETE], sum(counts.values()) - counts[TrialState.FAIL]
+    with tqdm(initial=begun, total=total, unit="trial", dynamic_ncols=True, file=sys.stderr) as bar:
+
+        def show() -> int:
+            now = ledger.store.patiently(ledger.counts)
+            bar.set_postfix_str(f"{now[TrialState.FAIL]} attempts failed", refresh=False)
+            bar.update(now[TrialState.COMPLETE] - bar.n)
+            return now[TrialState.COMPLETE]
+
+        yield show

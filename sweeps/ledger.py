@@ -1,0 +1,237 @@
+"""The book of a study: which jobs there are, who does which, how each ended.
+
+A job is a row of the grid with a seed; a trial is one attempt at it. Optuna's own ways lose or double jobs:
+its GridSampler gives two workers the same point and never tries a failed one again, and what re-queues the
+trials of dead workers can itself be killed between failing a trial and queueing the next, which loses the
+job. Here nothing hangs on what anyone was about to do: `settle` reads how each job stands and queues what
+is missing, under the lock of the storage, so that it is the same whoever does it, and how often. A job has
+at most one trial that is waiting or running, and none once one is complete; so it is completed once.
+"""
+
+import itertools
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import optuna
+import sqlalchemy
+from optuna.distributions import CategoricalDistribution
+from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
+from optuna.trial import FrozenTrial, TrialState
+
+from laesi_tf.errors import InputError
+from sweeps.store import Store
+
+OBJECTIVES = ("MRE, %", "inference, ms")
+JOB, SEED, REASON, COUNTS = "job", "seed", "reason", "counts"
+"""User attributes: a trial's job and seed; why it failed, and whether that counts against its job."""
+LOST = "worker lost: no sign of life for {} s"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A level of every factor, and the seed to try it with."""
+
+    name: str
+    levels: Mapping[str, str]
+    seed: int
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A trial that is this worker's alone; `attempt` counts from 1."""
+
+    trial_id: int
+    number: int
+    job: Job
+    attempt: int
+
+
+@dataclass
+class Standing:
+    """How a job stands."""
+
+    job: Job
+    complete: FrozenTrial | None = None
+    running: list[FrozenTrial] = field(default_factory=list)
+    waiting: list[FrozenTrial] = field(default_factory=list)
+    failed: list[FrozenTrial] = field(default_factory=list)
+
+    @property
+    def held_against(self) -> int:
+        """Failures that count; that a user stopped the work does not."""
+        return sum(trial.user_attrs.get(COUNTS, True) for trial in self.failed)
+
+
+class Ledger:
+    """The book of the study `name` of jobs with `factors`; `group` names what a job shares with others."""
+
+    def __init__(
+        self,
+        store: Store,
+        name: str,
+        factors: Mapping[str, Sequence[str]],
+        *,
+        group: Callable[[Job], Any] = lambda job: None,
+    ) -> None:
+        self.store, self.name, self._group = store, name, group
+        self._distributions = {name: CategoricalDistribution(levels) for name, levels in factors.items()}
+        self._waiting: list[Claim] = []
+        with store.lock(), warnings.catch_warnings():
+            warnings.simplefilter("ignore", ExperimentalWarning)
+            study = optuna.create_study(
+                storage=store.storage,
+                study_name=name,
+                directions=["minimize"] * len(OBJECTIVES),
+                load_if_exists=True,
+            )
+            study.set_metric_names(list(OBJECTIVES))
+        self.study_id = store.storage.get_study_id_from_name(name)
+
+    def agree(self, key: str, value: Mapping[str, Any]) -> None:
+        """Keep `value` with the study, or raise InputError if another is kept there."""
+        with self.store.lock():
+            attributes = self.store.storage.get_study_user_attrs(self.study_id)
+            kept = attributes.get(key, value)
+            self.store.storage.set_study_user_attr(self.study_id, key, dict(kept))
+        differing = [name for name in value if kept.get(name) != value[name]]
+        if differing:
+            told = ", ".join(f"{name} {kept.get(name)!r} there, {value[name]!r} here" for name in differing)
+            raise InputError(f"study {self.name} was begun with another {key}: {told}; name another --study")
+
+    def fill(self, jobs: Iterable[Job]) -> int:
+        """Write down the `jobs` that the study has not got yet; how many."""
+        with self.store.lock():
+            known = self.standings()
+            missing = [job for job in jobs if job.name not in known]
+            for job in missing:
+                self._queue(job)
+        return len(missing)
+
+    def settle(self) -> None:
+        """Fail the trials of lost workers; queue each job that is not through and has nothing under way."""
+        with self.store.lock():
+            self._settle()
+
+    def claim(self) -> Claim | None:
+        """The next trial, now this worker's; None if none is waiting.
+
+        Trials of the last one's group come first. Then comes a group that no one else is at, if there is one.
+        """
+        with self.store.lock():
+            for waiting in (self._waiting, self._next_group):
+                self._waiting = waiting() if callable(waiting) else waiting
+                while self._waiting:
+                    claim = self._waiting.pop(0)
+                    if self._take(claim.trial_id):
+                        return claim
+        return None
+
+    def finish(self, claim: Claim, values: Sequence[float], attributes: Mapping[str, Any]) -> bool:
+        """Complete the trial; false if it was given up for lost meanwhile: then another will complete it."""
+        storage = self.store.storage
+        try:
+            for key, value in attributes.items():
+                storage.set_trial_user_attr(claim.trial_id, key, value)
+            storage.set_trial_state_values(claim.trial_id, TrialState.COMPLETE, list(values))
+        except UpdateFinishedTrialError:
+            # Complete if this was done before the connection broke: no one else completes this trial.
+            return storage.get_trial(claim.trial_id).state is TrialState.COMPLETE
+        return True
+
+    def fail(self, claim: Claim, reason: str, *, counts: bool = True) -> None:
+        """Fail the trial and queue its job again, unless it has failed as often as the rules allow."""
+        with self.store.lock():
+            self._fail(claim.trial_id, reason, counts=counts)
+            self._settle()
+
+    def finished(self) -> bool:
+        """Whether no trial is waiting or under way."""
+        counts = self.counts()
+        return not counts[TrialState.WAITING] + counts[TrialState.RUNNING]
+
+    def counts(self) -> dict[TrialState, int]:
+        """How many trials there are in each state; cheap, unlike reading the trials."""
+        query = "SELECT state, COUNT(*) FROM trials WHERE study_id = :study GROUP BY state"
+        with self.store.storage.engine.connect() as connection:
+            rows = connection.execute(sqlalchemy.text(query), {"study": self.study_id})
+            found = {TrialState[state]: int(count) for state, count in rows}
+        return {state: found.get(state, 0) for state in TrialState}
+
+    def standings(self) -> dict[str, Standing]:
+        """How each job stands, by its name."""
+        found: dict[str, Standing] = {}
+        for trial in self._trials():
+            name = trial.user_attrs[JOB]
+            job = Job(name, trial.params, trial.user_attrs[SEED])
+            standing = found.setdefault(name, Standing(job))
+            if trial.state is TrialState.COMPLETE:
+                standing.complete = trial
+            else:
+                of_state = {TrialState.RUNNING: standing.running, TrialState.WAITING: standing.waiting}
+                of_state.get(trial.state, standing.failed).append(trial)
+        return found
+
+    def _trials(self) -> list[FrozenTrial]:
+        return self.store.storage.get_all_trials(self.study_id, deepcopy=False)
+
+    def _settle(self) -> None:
+        for trial_id in self.store.storage._get_stale_trial_ids(self.study_id):
+            self._fail(trial_id, LOST.format(self.store.rules.grace_s), counts=True)
+        for standing in self.standings().values():
+            under_way = standing.complete or standing.running
+            # Optuna repeats a creation whose connection broke, though it may have been done.
+            for trial in standing.waiting[0 if under_way else 1 :]:
+                self._fail(trial._trial_id, "queued twice", counts=False)
+            over = under_way or standing.waiting
+            if not over and standing.held_against <= self.store.rules.retries:
+                self._queue(standing.job)
+
+    def _queue(self, job: Job) -> None:
+        trial = optuna.create_trial(
+            state=TrialState.WAITING,
+            params=dict(job.levels),
+            distributions=dict(self._distributions),
+            user_attrs={JOB: job.name, SEED: job.seed},
+        )
+        self.store.storage.create_new_trial(self.study_id, trial)
+
+    def _take(self, trial_id: int) -> bool:
+        """Claim a waiting trial; false if someone else has.
+
+        Its first heartbeat comes before: a worker that is killed right after the claim must not leave a
+        running trial without one, which Optuna would take for alive for ever.
+        """
+        try:
+            self.store.storage.record_heartbeat(trial_id)
+            return self.store.storage.set_trial_state_values(trial_id, TrialState.RUNNING)
+        except UpdateFinishedTrialError:
+            return False
+
+    def _fail(self, trial_id: int, reason: str, *, counts: bool) -> None:
+        """Fail a running trial, saying why; if it has ended already, it stays as it is."""
+        attributes = {REASON: reason} | ({} if counts else {COUNTS: False})
+        try:
+            for key, value in attributes.items():
+                self.store.storage.set_trial_user_attr(trial_id, key, value)
+            self.store.storage.set_trial_state_values(trial_id, TrialState.FAIL)
+        except UpdateFinishedTrialError:
+            pass
+
+    def _next_group(self) -> list[Claim]:
+        """What there is to claim in one group, in the order of its jobs."""
+        self._settle()
+        groups: dict[Any, list[Claim]] = {}
+        busy = set()
+        for standing in self.standings().values():
+            group = self._group(standing.job)
+            if standing.running:
+                busy.add(group)
+            elif standing.waiting and not standing.complete:
+                trial = standing.waiting[0]
+                claim = Claim(trial._trial_id, trial.number, standing.job, len(standing.failed) + 1)
+                groups.setdefault(group, []).append(claim)
+        free = [claims for group, claims in groups.items() if group not in busy]
+        chosen = next(itertools.chain(free, sorted(groups.values(), key=len, reverse=True)), [])
+        return sorted(chosen, key=lambda claim: claim.job.name)

@@ -1,0 +1,77 @@
+"""The pictures of a study: made once per worker, kept in memory, augmented anew for every trial.
+
+Live scenes would cost more than the training at this size. They are the same for every worker and trial,
+being a function of their index; a trial's seed decides their order and what augmentation does to each.
+"""
+
+from collections.abc import Iterator
+
+import tensorflow as tf
+
+from laesi_tf.data import augment, synthetic
+from sweeps.budget import JUDGED_BATCH, Budget
+
+_SCENES_SEED = 0
+Batch = tuple[tf.Tensor, tf.Tensor]
+
+
+class Pictures:
+    """Training batches (image uint8 [B, S, S, 3], target float32 [B, 3]) and a validation set of the same."""
+
+    validation: list[Batch]
+
+    def __init__(self, budget: Budget, *, threads: int) -> None:
+        self._images, self._targets = _made(budget, synthetic.TRAIN[0], budget.pictures)
+        images, targets = _made(budget, synthetic.VALIDATION[0], budget.validation)
+        firsts = range(0, budget.validation, JUDGED_BATCH)
+        self.validation = [
+            (images[first : first + JUDGED_BATCH], targets[first : first + JUDGED_BATCH]) for first in firsts
+        ]
+        # Variables, so that the pipeline is traced once and serves every trial.
+        self._switches = tf.Variable(augment.switches(()))
+        self._seed = tf.Variable(0, dtype=tf.int64)
+        self._batches = self._pipeline(budget, threads)
+
+    def training(self, augmentations: tuple[str, ...], seed: int) -> Iterator[Batch]:
+        """The batches of a trial, one per step. Begin no other trial before this one is done with them."""
+        self._switches.assign(augment.switches(augmentations))
+        self._seed.assign(seed)
+        return iter(self._batches)
+
+    def _pipeline(self, budget: Budget, threads: int) -> tf.data.Dataset:
+        options = tf.data.Options()
+        # One thread besides those that train: more would only take turns with them.
+        options.threading.private_threadpool_size = 1
+        options.autotune.enabled = False
+        # Rewriting the pipeline takes longer than it gains in a trial of seconds.
+        options.experimental_optimization.apply_default_optimizations = False
+        places = tf.data.Dataset.range(budget.steps * budget.batch_size)
+        batches = places.map(self._at, num_parallel_calls=threads).batch(budget.batch_size)
+        return batches.prefetch(2).with_options(options)
+
+    def _at(self, place: tf.Tensor) -> Batch:
+        """The picture at `place` of a trial's stream: all pictures in one order, then all in another."""
+        count = len(self._images)
+        seed = tf.stack([self._seed, place // count])
+        index = tf.random.experimental.index_shuffle(place % count, seed, count - 1)
+        picture = augment.augment(
+            {"image": self._images[index]},
+            tf.stack([self._seed, place]),
+            tf.convert_to_tensor(self._switches),
+        )
+        return picture["image"], self._targets[index]
+
+
+def _made(budget: Budget, start: int, count: int) -> Batch:
+    """Scenes `start` and on: images uint8 [N, S, S, 3], targets float32 [N, 3]."""
+    batches = synthetic.batches(
+        task="area",
+        batch_size=JUDGED_BATCH,
+        seed=_SCENES_SEED,
+        size=(budget.size, budget.size),
+        start=start,
+        count=count,
+        passes=1,
+    )
+    images, targets = zip(*batches, strict=True)
+    return tf.concat(images, axis=0), tf.concat(targets, axis=0)

@@ -1,0 +1,168 @@
+"""Trials on compiled steps that are kept: one per network and optimizer, reset for each trial.
+
+Building and tracing a network takes many times as long as a short trial. What differs between the trials on
+one step is set as values at run time: the weights it starts from, the rates of the schedule, the
+augmentations.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import keras
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf import training
+from laesi_tf.learner import Learner
+from laesi_tf.models import batch_norm
+from laesi_tf.schedules import OPTIMIZERS, Rates, state
+from laesi_tf.tasks import task
+from sweeps.budget import Budget
+from sweeps.grid import FINAL_LEARNING_RATE, LEARNING_RATE, Point
+from sweeps.pictures import Pictures
+
+Key = tuple[str, str]
+"""What a compiled step is for: the network's kind and the optimizer."""
+_TIMED_INFERENCES = 30
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a trial gave: `found` are arrays [N] over the validation set, times are in seconds."""
+
+    mre: float
+    losses: list[float]
+    found: dict[str, np.ndarray]
+    parameters: int
+    steps_s: float
+    judging_s: float
+    images_per_s: float
+
+
+class Trainer:
+    """Runs trials within one budget. `seeds` of initial weights and compiled steps are kept once made."""
+
+    def __init__(self, budget: Budget, *, threads: int = 1) -> None:
+        self.budget = budget
+        self.pictures = Pictures(budget, threads=threads)
+        self._kept: dict[Key, _Kept] = {}
+        self._starts: dict[tuple[str, int], list[tf.Tensor]] = {}
+
+    def key(self, point: Point) -> Key:
+        """Which compiled step `point` is trained with: points of equal keys share it."""
+        return self.budget.config(point, 0).backbone, point.optimizer
+
+    def prepare(self, point: Point, seed: int) -> None:
+        """Build and trace what `point` needs, if no trial before did."""
+        if (point.start, seed) not in self._starts:
+            model, _ = training.build(self.budget.config(point, seed))
+            self._starts[point.start, seed] = _values(model.variables)
+        if self.key(point) not in self._kept:
+            self._kept[self.key(point)] = _Kept(self.budget, point)
+            self._reset(point, seed)
+            self._traced(self._kept[self.key(point)].learner)
+
+    def run(
+        self,
+        point: Point,
+        seed: int,
+        *,
+        alive: Callable[[], None] = lambda: None,
+        rungs: Iterable[int] = (),
+        reached: Callable[[int, float], None] = lambda step, mre: None,
+    ) -> Outcome:
+        """Train `point` from its start. Raises training.Diverged when the loss or the result is no number.
+
+        `alive` is called before each step and `reached` with the MRE after each of the steps `rungs`; what
+        they raise ends the trial.
+        """
+        self.prepare(point, seed)
+        learner = self._reset(point, seed)
+        judged_at, judging_s = set(rungs), 0.0
+        losses: list[float] = []
+        fed: list[tf.Tensor] = []
+        begun = time.perf_counter()
+        for step, (images, target) in enumerate(self.pictures.training(point.augmentations, seed), 1):
+            alive()
+            losses.append(_finite(float(learner.step(images, target)), step))
+            if len(fed) * self.budget.batch_size < self.budget.calibration:
+                fed.append(images)
+            if step in judged_at:
+                found, spent = self._judged(learner, fed)
+                judging_s += spent
+                reached(step, _finite(learner.task.figures(found)["mre"], step))
+        steps_s = time.perf_counter() - begun - judging_s
+        found, spent = self._judged(learner, fed)
+        return Outcome(
+            mre=_finite(learner.task.figures(found)["mre"], len(losses)),
+            losses=losses,
+            found=found,
+            parameters=learner.model.count_params(),
+            steps_s=steps_s,
+            judging_s=judging_s + spent,
+            images_per_s=len(losses) * self.budget.batch_size / steps_s,
+        )
+
+    def model(self, point: Point) -> keras.Model:
+        """The network that the last trial with the key of `point` trained."""
+        return self._kept[self.key(point)].learner.model
+
+    def inference_ms(self, point: Point) -> float:
+        """Median milliseconds that the network of `point` takes for one picture."""
+        infer, one = self._kept[self.key(point)].learner.infer, self.pictures.validation[0][0][:1]
+        infer(one)
+        spent = []
+        for _ in range(_TIMED_INFERENCES):
+            begun = time.perf_counter()
+            infer(one).numpy()
+            spent.append(1e3 * (time.perf_counter() - begun))
+        return float(np.median(spent))
+
+    def _reset(self, point: Point, seed: int) -> Learner:
+        kept = self._kept[self.key(point)]
+        _assign(kept.learner.model.variables, self._starts[point.start, seed])
+        _assign(state(kept.learner.optimizer), kept.optimizer_values)
+        kept.rates.follow(point.schedule, peak=LEARNING_RATE, final=FINAL_LEARNING_RATE)
+        return kept.learner
+
+    def _judged(self, learner: Learner, fed: list[tf.Tensor]) -> tuple[dict[str, np.ndarray], float]:
+        """What the validation pictures give, and the seconds it took."""
+        begun = time.perf_counter()
+        learner.recalibrate(lambda: batch_norm.calibration(fed, self.budget.calibration))
+        found = learner.assess(self.pictures.validation)
+        return found, time.perf_counter() - begun
+
+    def _traced(self, learner: Learner) -> None:
+        """One step and one judgement, for what they leave compiled."""
+        images, target = next(self.pictures.training((), 0))
+        learner.step(images, target)
+        self._judged(learner, [images] * -(-self.budget.calibration // len(images)))
+
+
+class _Kept:
+    """A compiled step with what its optimizer starts from."""
+
+    def __init__(self, budget: Budget, point: Point) -> None:
+        config = budget.config(point, 0)
+        model, _ = training.build(config, origin="values that are about to be set")
+        self.rates = Rates(budget.steps)
+        self.learner = Learner(model, task(config), OPTIMIZERS[point.optimizer](self.rates))
+        self.optimizer_values = _values(state(self.learner.optimizer))
+
+
+def _values(variables: Iterable[Any]) -> list[tf.Tensor]:
+    return [tf.identity(variable) for variable in variables]
+
+
+def _assign(variables: Iterable[Any], values: Iterable[tf.Tensor]) -> None:
+    for variable, value in zip(variables, values, strict=True):
+        variable.assign(value)
+
+
+def _finite(value: float, step: int) -> float:
+    if not math.isfinite(value):
+        raise training.Diverged(f"training diverged: {value} at step {step}")
+    return value
