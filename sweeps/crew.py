@@ -13,7 +13,7 @@ from optuna.trial import TrialState
 from tqdm import tqdm
 
 from laesi_tf.errors import InputError
-from sweeps.ledger import Ledger
+from sweeps.book import Book
 
 _POLL_S = 1.0
 _ENDING_S = 60.0
@@ -25,12 +25,13 @@ _FRUITLESS = 8
 
 
 def supervise(
-    target: Callable[..., None], arguments: tuple[Any, ...], *, workers: int, ledger: Ledger
+    target: Callable[..., None], arguments: tuple[Any, ...], *, workers: int, book: Book, total: int
 ) -> None:
     """Run `target(*arguments)` in `workers` processes until each has returned, replacing those that die.
 
-    `target` must be importable. Raises InputError if one was given bad input, and RuntimeError if they die
-    and die. However this ends, they are asked to end too and given a minute.
+    `target` must be importable; the progress bar goes to `total` trials. Raises InputError if a worker was
+    given bad input, and RuntimeError if they die and die. However this ends, they are asked to end too and
+    given a minute.
     """
     context = multiprocessing.get_context("spawn")
     crew: list[BaseProcess] = []
@@ -40,7 +41,7 @@ def supervise(
         made.start()
         return made
 
-    with _ended(crew), _bar(ledger) as show:
+    with _ended(crew), _bar(book, total) as show:
         crew.extend(hire() for _ in range(workers))
         deaths, complete = 0, 0
         while any(member.exitcode != 0 for member in crew):
@@ -86,16 +87,19 @@ def _ended(crew: list[BaseProcess]) -> Iterator[None]:
 
 
 @contextmanager
-def _bar(ledger: Ledger) -> Iterator[Callable[[], int]]:
-    """A progress bar, and what brings it up to date and tells how many trials are complete."""
-    counts = ledger.store.patiently(ledger.counts)
-    begun, total = counts[TrialState.COMPLETE], sum(counts.values()) - counts[TrialState.FAIL]
-    with tqdm(initial=begun, total=total, unit="trial", dynamic_ncols=True, file=sys.stderr) as bar:
+def _bar(book: Book, total: int) -> Iterator[Callable[[], int]]:
+    """A progress bar, and what brings it up to date and tells how many trials have ended well."""
+
+    def ended() -> tuple[int, int]:
+        now = book.store.patiently(book.counts)
+        return now[TrialState.COMPLETE] + now[TrialState.PRUNED], now[TrialState.FAIL]
+
+    with tqdm(initial=ended()[0], total=total, unit="trial", dynamic_ncols=True, file=sys.stderr) as bar:
 
         def show() -> int:
-            now = ledger.store.patiently(ledger.counts)
-            bar.set_postfix_str(f"{now[TrialState.FAIL]} attempts failed", refresh=False)
-            bar.update(now[TrialState.COMPLETE] - bar.n)
-            return now[TrialState.COMPLETE]
+            well, failed = ended()
+            bar.set_postfix_str(f"{failed} attempts failed", refresh=False)
+            bar.update(well - bar.n)
+            return well
 
         yield show

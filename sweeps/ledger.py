@@ -9,43 +9,17 @@ at most one trial that is waiting or running, and none once one is complete; so 
 """
 
 import itertools
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import optuna
-import sqlalchemy
 from optuna.distributions import CategoricalDistribution
-from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
+from optuna.exceptions import UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState
 
-from laesi_tf.errors import InputError
+from sweeps.book import COUNTS, JOB, REASON, SEED, Book, Claim, Job
 from sweeps.store import Store
-
-OBJECTIVES = ("MRE, %", "inference, ms")
-JOB, SEED, REASON, COUNTS = "job", "seed", "reason", "counts"
-"""User attributes: a trial's job and seed; why it failed, and whether that counts against its job."""
-LOST = "worker lost: no sign of life for {} s"
-
-
-@dataclass(frozen=True)
-class Job:
-    """A level of every factor, and the seed to try it with."""
-
-    name: str
-    levels: Mapping[str, str]
-    seed: int
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A trial that is this worker's alone; `attempt` counts from 1."""
-
-    trial_id: int
-    number: int
-    job: Job
-    attempt: int
 
 
 @dataclass
@@ -64,7 +38,7 @@ class Standing:
         return sum(trial.user_attrs.get(COUNTS, True) for trial in self.failed)
 
 
-class Ledger:
+class Ledger(Book):
     """The book of the study `name` of jobs with `factors`; `group` names what a job shares with others."""
 
     def __init__(
@@ -75,30 +49,10 @@ class Ledger:
         *,
         group: Callable[[Job], Any] = lambda job: None,
     ) -> None:
-        self.store, self.name, self._group = store, name, group
+        super().__init__(store, name)
+        self._group = group
         self._distributions = {name: CategoricalDistribution(levels) for name, levels in factors.items()}
         self._waiting: list[Claim] = []
-        with store.lock(), warnings.catch_warnings():
-            warnings.simplefilter("ignore", ExperimentalWarning)
-            study = optuna.create_study(
-                storage=store.storage,
-                study_name=name,
-                directions=["minimize"] * len(OBJECTIVES),
-                load_if_exists=True,
-            )
-            study.set_metric_names(list(OBJECTIVES))
-        self.study_id = store.storage.get_study_id_from_name(name)
-
-    def agree(self, key: str, value: Mapping[str, Any]) -> None:
-        """Keep `value` with the study, or raise InputError if another is kept there."""
-        with self.store.lock():
-            attributes = self.store.storage.get_study_user_attrs(self.study_id)
-            kept = attributes.get(key, value)
-            self.store.storage.set_study_user_attr(self.study_id, key, dict(kept))
-        differing = [name for name in value if kept.get(name) != value[name]]
-        if differing:
-            told = ", ".join(f"{name} {kept.get(name)!r} there, {value[name]!r} here" for name in differing)
-            raise InputError(f"study {self.name} was begun with another {key}: {told}; name another --study")
 
     def fill(self, jobs: Iterable[Job]) -> int:
         """Write down the `jobs` that the study has not got yet; how many."""
@@ -128,22 +82,10 @@ class Ledger:
                         return claim
         return None
 
-    def finish(self, claim: Claim, values: Sequence[float], attributes: Mapping[str, Any]) -> bool:
-        """Complete the trial; false if it was given up for lost meanwhile: then another will complete it."""
-        storage = self.store.storage
-        try:
-            for key, value in attributes.items():
-                storage.set_trial_user_attr(claim.trial_id, key, value)
-            storage.set_trial_state_values(claim.trial_id, TrialState.COMPLETE, list(values))
-        except UpdateFinishedTrialError:
-            # Complete if this was done before the connection broke: no one else completes this trial.
-            return storage.get_trial(claim.trial_id).state is TrialState.COMPLETE
-        return True
-
     def fail(self, claim: Claim, reason: str, *, counts: bool = True) -> None:
         """Fail the trial and queue its job again, unless it has failed as often as the rules allow."""
         with self.store.lock():
-            self._fail(claim.trial_id, reason, counts=counts)
+            super().fail(claim, reason, counts=counts)
             self._settle()
 
     def finished(self) -> bool:
@@ -151,18 +93,10 @@ class Ledger:
         counts = self.counts()
         return not counts[TrialState.WAITING] + counts[TrialState.RUNNING]
 
-    def counts(self) -> dict[TrialState, int]:
-        """How many trials there are in each state; cheap, unlike reading the trials."""
-        query = "SELECT state, COUNT(*) FROM trials WHERE study_id = :study GROUP BY state"
-        with self.store.storage.engine.connect() as connection:
-            rows = connection.execute(sqlalchemy.text(query), {"study": self.study_id})
-            found = {TrialState[state]: int(count) for state, count in rows}
-        return {state: found.get(state, 0) for state in TrialState}
-
     def standings(self) -> dict[str, Standing]:
         """How each job stands, by its name."""
         found: dict[str, Standing] = {}
-        for trial in self._trials():
+        for trial in self.trials():
             name = trial.user_attrs[JOB]
             job = Job(name, trial.params, trial.user_attrs[SEED])
             standing = found.setdefault(name, Standing(job))
@@ -173,12 +107,8 @@ class Ledger:
                 of_state.get(trial.state, standing.failed).append(trial)
         return found
 
-    def _trials(self) -> list[FrozenTrial]:
-        return self.store.storage.get_all_trials(self.study_id, deepcopy=False)
-
     def _settle(self) -> None:
-        for trial_id in self.store.storage._get_stale_trial_ids(self.study_id):
-            self._fail(trial_id, LOST.format(self.store.rules.grace_s), counts=True)
+        self._fail_lost()
         for standing in self.standings().values():
             under_way = standing.complete or standing.running
             # Optuna repeats a creation whose connection broke, though it may have been done.
@@ -209,16 +139,6 @@ class Ledger:
         except UpdateFinishedTrialError:
             return False
 
-    def _fail(self, trial_id: int, reason: str, *, counts: bool) -> None:
-        """Fail a running trial, saying why; if it has ended already, it stays as it is."""
-        attributes = {REASON: reason} | ({} if counts else {COUNTS: False})
-        try:
-            for key, value in attributes.items():
-                self.store.storage.set_trial_user_attr(trial_id, key, value)
-            self.store.storage.set_trial_state_values(trial_id, TrialState.FAIL)
-        except UpdateFinishedTrialError:
-            pass
-
     def _next_group(self) -> list[Claim]:
         """What there is to claim in one group, in the order of its jobs."""
         self._settle()
@@ -230,7 +150,8 @@ class Ledger:
                 busy.add(group)
             elif standing.waiting and not standing.complete:
                 trial = standing.waiting[0]
-                claim = Claim(trial._trial_id, trial.number, standing.job, len(standing.failed) + 1)
+                reasons = tuple(failed.user_attrs.get(REASON, "") for failed in standing.failed)
+                claim = Claim(trial._trial_id, trial.number, standing.job, reasons)
                 groups.setdefault(group, []).append(claim)
         free = [claims for group, claims in groups.items() if group not in busy]
         chosen = next(itertools.chain(free, sorted(groups.values(), key=len, reverse=True)), [])

@@ -4,7 +4,7 @@ Live scenes would cost more than the training at this size. They are the same fo
 being a function of their index; a trial's seed decides their order and what augmentation does to each.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import tensorflow as tf
 
@@ -20,9 +20,13 @@ class Pictures:
 
     validation: list[Batch]
 
-    def __init__(self, budget: Budget, *, threads: int) -> None:
-        self._images, self._targets = _made(budget, synthetic.TRAIN[0], budget.pictures)
-        images, targets = _made(budget, synthetic.VALIDATION[0], budget.validation)
+    def __init__(
+        self, budget: Budget, *, threads: int, made: Callable[[Budget, int, int], Batch] | None = None
+    ) -> None:
+        """Make them; `made(budget, start, count)` replaces the synthetic scenes."""
+        made = made or scenes
+        self._images, self._targets = made(budget, synthetic.TRAIN[0], budget.pictures)
+        images, targets = made(budget, synthetic.VALIDATION[0], budget.validation)
         firsts = range(0, budget.validation, JUDGED_BATCH)
         self.validation = [
             (images[first : first + JUDGED_BATCH], targets[first : first + JUDGED_BATCH]) for first in firsts
@@ -62,7 +66,7 @@ class Pictures:
         return picture["image"], self._targets[index]
 
 
-def _made(budget: Budget, start: int, count: int) -> Batch:
+def scenes(budget: Budget, start: int, count: int) -> Batch:
     """Scenes `start` and on: images uint8 [N, S, S, 3], targets float32 [N, 3]."""
     batches = synthetic.batches(
         task="area",

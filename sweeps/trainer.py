@@ -43,11 +43,11 @@ class Outcome:
 
 
 class Trainer:
-    """Runs trials within one budget. `seeds` of initial weights and compiled steps are kept once made."""
+    """Runs trials within one budget on `pictures`. Initial weights and compiled steps are kept once made."""
 
-    def __init__(self, budget: Budget, *, threads: int = 1) -> None:
-        self.budget = budget
-        self.pictures = Pictures(budget, threads=threads)
+    def __init__(self, budget: Budget, pictures: Pictures) -> None:
+        self.budget, self.pictures = budget, pictures
+        self.origins: dict[str, str] = {}
         self._kept: dict[Key, _Kept] = {}
         self._starts: dict[tuple[str, int], list[tf.Tensor]] = {}
 
@@ -58,7 +58,7 @@ class Trainer:
     def prepare(self, point: Point, seed: int) -> None:
         """Build and trace what `point` needs, if no trial before did."""
         if (point.start, seed) not in self._starts:
-            model, _ = training.build(self.budget.config(point, seed))
+            model, self.origins[point.start] = training.build(self.budget.config(point, seed))
             self._starts[point.start, seed] = _values(model.variables)
         if self.key(point) not in self._kept:
             self._kept[self.key(point)] = _Kept(self.budget, point)

@@ -15,7 +15,7 @@ from optuna.exceptions import StorageInternalError
 from sqlalchemy.exc import SQLAlchemyError
 
 from laesi_tf.errors import InputError
-from sweeps.ledger import Claim, Ledger
+from sweeps.book import Book, Claim
 from sweeps.store import Rules
 
 STUCK = 75
@@ -41,8 +41,8 @@ class Done:
 class Clock:
     """A trial's time, and the heartbeats of the worker that has it, which come from a thread of their own."""
 
-    def __init__(self, ledger: Ledger) -> None:
-        self._ledger, self._rules = ledger, ledger.store.rules
+    def __init__(self, book: Book) -> None:
+        self._book, self._rules = book, book.store.rules
         self._claim: Claim | None = None
         self._begun, self._stuck_at = 0.0, 0.0
         threading.Thread(target=self._beat, daemon=True).start()
@@ -76,13 +76,13 @@ class Clock:
             # is for the worker itself to notice.
             with contextlib.suppress(StorageInternalError, SQLAlchemyError):
                 if claim is not None:
-                    self._ledger.store.storage.record_heartbeat(claim.trial_id)
+                    self._book.store.storage.record_heartbeat(claim.trial_id)
             time.sleep(self._rules.heartbeat_s)
 
     def _give_up(self, claim: Claim) -> None:
         """End the process: what does not come back from a step cannot be ended otherwise."""
         try:
-            self._ledger.fail(claim, f"{over_time(self._rules)}, and stuck")
+            self._book.fail(claim, f"{over_time(self._rules)}, and stuck")
         finally:
             os._exit(STUCK)
 
@@ -95,30 +95,30 @@ def over_time(rules: Rules) -> str:
 Objective = Callable[[Claim, Clock], Done]
 
 
-def work(ledger: Ledger, objective: Objective, *, wanted: Callable[[], bool] = lambda: True) -> None:
+def work(book: Book, objective: Objective, *, wanted: Callable[[], bool] = lambda: True) -> None:
     """Work off the study's trials with `objective`, waiting for those of others, while `wanted` says so.
 
     What `objective` raises fails its trial; InputError and Ctrl-C also end the worker, the trial being queued
     again at no cost. Raises store.Unreachable when the database stays away.
     """
-    store, failures = ledger.store, 0
-    clock = Clock(ledger)
+    store, failures = book.store, 0
+    clock = Clock(book)
     while wanted():
-        claim = store.patiently(ledger.claim)
+        claim = store.patiently(book.claim)
         if claim is not None:
-            reason = _attempt(ledger, clock, claim, objective)
+            reason = _attempt(book, clock, claim, objective)
             failures = failures + 1 if reason else 0
             if failures == _FAILURES_IN_A_ROW:
                 raise RuntimeError(f"{failures} trials in a row failed, the last: {reason}")
-        elif store.patiently(ledger.finished):
+        elif store.patiently(book.finished):
             return
         else:
             time.sleep(store.rules.heartbeat_s)
 
 
-def _attempt(ledger: Ledger, clock: Clock, claim: Claim, objective: Objective) -> str:
+def _attempt(book: Book, clock: Clock, claim: Claim, objective: Objective) -> str:
     """Do a claimed trial and tell how it ended; the reason if it failed."""
-    store, begun = ledger.store, time.monotonic()
+    store, begun = book.store, time.monotonic()
     try:
         with clock.watching(claim):
             done = objective(claim, clock)
@@ -126,11 +126,11 @@ def _attempt(ledger: Ledger, clock: Clock, claim: Claim, objective: Objective) -
             raise Failed(f"the result is no number: {list(done.values)}")
     except (InputError, KeyboardInterrupt) as error:
         stopped = f"stopped: {_told(error)}"
-        store.patiently(lambda: ledger.fail(claim, stopped, counts=False))
+        store.patiently(lambda: book.fail(claim, stopped, counts=False))
         raise
     except Exception as error:
         reason = _told(error)
-        store.patiently(lambda: ledger.fail(claim, reason))
+        store.patiently(lambda: book.fail(claim, reason))
         return reason
     attributes = {
         **done.attributes,
@@ -141,7 +141,7 @@ def _attempt(ledger: Ledger, clock: Clock, claim: Claim, objective: Objective) -
 
     def finish() -> None:
         away = {"interrupted": store.interruption} if store.interruption else {}
-        ledger.finish(claim, done.values, {**attributes, **away})
+        book.finish(claim, done.values, {**attributes, **away})
 
     store.patiently(finish)
     store.interruption = ""

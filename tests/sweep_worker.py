@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 from sweeps import crew
-from sweeps.ledger import Claim, Job, Ledger
+from sweeps.book import Claim, Job
+from sweeps.ledger import Ledger
 from sweeps.store import Rules, Store
 from sweeps.worker import Clock, Done, Failed, work
 

@@ -78,7 +78,7 @@ def test_what_ends_badly_is_told_and_tried_again(storage: str, log: Path) -> Non
     # Bad ones between good ones, so that no ten in a row fail.
     kinds = [kind for bad in fake.KINDS[1:] for kind in ("good", bad, "good")]
     ledger.fill(fake.job(number, kind) for number, kind in enumerate(kinds))
-    crew.supervise(fake.target, (storage, str(log)), workers=3, ledger=ledger)
+    crew.supervise(fake.target, (storage, str(log)), workers=3, book=ledger, total=len(kinds))
     found = ledger.standings()
     hopeless = {"raises", "diverges", "no_number"}
     for number, kind in enumerate(kinds):

@@ -1,0 +1,118 @@
+"""What a trial is here: train a point, and keep what one wants to see of it."""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from optuna.artifacts import FileSystemArtifactStore, upload_artifact
+from optuna.trial import TrialState
+
+from laesi_tf import runs
+from laesi_tf.files import whole
+from laesi_tf.training import Diverged
+from sweeps import pictured
+from sweeps.book import SEED, Book, Claim
+from sweeps.grid import Point
+from sweeps.search import PRUNED_AT, Search
+from sweeps.trainer import Outcome, Trainer
+from sweeps.worker import Clock, Done, Failed
+
+DIVERGED = "training diverged"
+_ANOTHER_SEED = 1000
+
+
+class _Hopeless(Exception):
+    """A trial that is pruned, with its error so far."""
+
+    def __init__(self, step: int, mre: float) -> None:
+        super().__init__(step, mre)
+        self.step, self.mre = step, mre
+
+
+class Training:
+    """An objective that trains with `trainer` and keeps artifacts and checkpoints below `folder`."""
+
+    def __init__(self, trainer: Trainer, book: Book, folder: Path) -> None:
+        self._trainer, self._book, self._folder = trainer, book, folder
+        (folder / "artifacts").mkdir(parents=True, exist_ok=True)
+        self._artifacts = FileSystemArtifactStore(folder / "artifacts")
+        complete = (trial for trial in book.trials() if trial.state is TrialState.COMPLETE)
+        self._best = min((trial.values[0] for trial in complete), default=np.inf)
+
+    def __call__(self, claim: Claim, clock: Clock) -> Done:
+        """Train the job's point; the values are the MRE and the milliseconds of an inference.
+
+        A job that diverged would diverge again, so each divergence moves it on to another seed.
+        """
+        point = Point(**claim.job.levels)
+        seed = claim.job.seed + _ANOTHER_SEED * sum(DIVERGED in reason for reason in claim.reasons)
+        self._trainer.prepare(point, seed)
+        kind, _ = self._trainer.key(point)
+        inference_ms = self._book.once(f"inference_ms {kind}", lambda: self._trainer.inference_ms(point))
+        attributes = {SEED: seed, "inference_ms": inference_ms}
+        clock.start()
+        try:
+            outcome = self._trained(claim, point, seed, clock)
+        except Diverged as error:
+            raise Failed(str(error)) from error
+        except _Hopeless as end:
+            return Done([end.mre, inference_ms], attributes | {PRUNED_AT: end.step})
+        self._keep_pictures(claim, outcome)
+        checkpoint = self._checkpoint(claim, point, seed, outcome)
+        return Done([outcome.mre, inference_ms], told(outcome) | attributes | {"checkpoint": checkpoint})
+
+    def _trained(self, claim: Claim, point: Point, seed: int, clock: Clock) -> Outcome:
+        if not isinstance(self._book, Search):
+            return self._trainer.run(point, seed, alive=clock.check)
+        search, steps = self._book, self._trainer.budget.steps
+
+        def reached(step: int, mre: float) -> None:
+            if search.hopeless(claim, step, mre):
+                raise _Hopeless(step, mre)
+
+        return self._trainer.run(
+            point, seed, alive=clock.check, rungs=(steps // 4, steps // 2), reached=reached
+        )
+
+    def _keep_pictures(self, claim: Claim, outcome: Outcome) -> None:
+        storage = self._book.store.storage
+        worst = pictured.worst(outcome.found, self._trainer.pictures.validation)
+        with tempfile.TemporaryDirectory() as folder:
+            drawn = {"loss.png": pictured.curve(outcome.losses), "worst.jpg": worst}
+            for name, data in drawn.items():
+                path = Path(folder) / name
+                path.write_bytes(data)
+                trial = storage.get_trial(claim.trial_id)
+                upload_artifact(
+                    artifact_store=self._artifacts, file_path=str(path), study_or_trial=trial, storage=storage
+                )
+
+    def _checkpoint(self, claim: Claim, point: Point, seed: int, outcome: Outcome) -> str:
+        """Keep the network if it is the best this worker knows of; its run folder's name, else nothing.
+
+        1,425 networks would take gigabytes, and any is trained again in seconds.
+        """
+        if outcome.mre >= self._best:
+            return ""
+        self._best = outcome.mre
+        name = f"{self._book.name}-{claim.job.name.replace('/', '-')}"
+        out = self._folder / "checkpoints" / name
+        runs.begin(out, self._trainer.budget.config(point, seed), self._trainer.origins[point.start])
+        with whole(out / runs.BEST) as temporary:
+            self._trainer.model(point).save(temporary)
+        return name
+
+
+def told(outcome: Outcome) -> dict[str, Any]:
+    """The user attributes of an outcome."""
+    return {
+        "median": float(np.median(outcome.found["error"])),
+        "p90": float(np.percentile(outcome.found["error"], 90)),
+        "final_loss": float(np.mean(outcome.losses[-10:])),
+        "validation_loss": float(outcome.found["loss"][0]),
+        "images_per_s": outcome.images_per_s,
+        "parameters": outcome.parameters,
+        "steps_s": outcome.steps_s,
+        "judging_s": outcome.judging_s,
+    }

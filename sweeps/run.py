@@ -1,0 +1,175 @@
+"""Work off the 1,425 points of the grid in one Optuna study, or continue where it was stopped.
+
+Start it again to continue, on as many machines as you like if the storage is PostgreSQL. Every point ends
+once as complete; what a point fails with is kept with its trial. With --finalists the best points of a
+finished study are tried again at a larger budget, with --sampler tpe the same space is searched freely.
+"""
+
+import argparse
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from laesi_tf.cli import parser, positive, run
+
+# isort: split
+from optuna.trial import TrialState
+
+from laesi_tf.errors import InputError
+from laesi_tf.files import require_writable, write_json
+from sweeps import crew, jobs
+from sweeps.book import JOB, REASON, Book, Job
+from sweeps.budget import FINAL, SCREENING, Budget
+from sweeps.employed import employ
+from sweeps.grid import FACTORS
+from sweeps.ledger import Ledger
+from sweeps.orders import Orders
+from sweeps.store import Rules, Store
+
+STORAGE, FINALISTS = "runs/sweep/study.db", "finalists"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Write the jobs down, have workers do them, tell how they ended."""
+    options = _options().parse_args(arguments)
+    if options.json:
+        require_writable(options.json)
+    orders = _orders(options)
+    book = orders.open()
+    book.agree("budget", orders.budget.told())
+    total = orders.trials or _filled(book, options)
+    if not book.store.patiently(book.finished):
+        crew.supervise(employ, (orders,), workers=options.workers, book=book, total=total)
+    figures = _figures(book)
+    print(_summary(figures))
+    if options.json:
+        write_json(options.json, figures)
+    if figures["given_up"]:
+        raise SystemExit(1)
+
+
+def _filled(ledger: Book, options: argparse.Namespace) -> int:
+    """Write down what is missing in the study and settle what was left open; how many jobs there are."""
+    assert isinstance(ledger, Ledger)
+    wanted = _jobs(options, ledger.store)
+    ledger.store.patiently(lambda: ledger.fill(wanted))
+    ledger.store.patiently(ledger.settle)
+    return len(ledger.store.patiently(ledger.standings))
+
+
+def _jobs(options: argparse.Namespace, store: Store) -> list[Job]:
+    if not options.finalists:
+        return jobs.screening(jobs.numbers(options.points))
+    screened = Ledger(store, options.screened, FACTORS)
+    return jobs.finalists(screened.standings(), count=options.finalists, seeds=options.seeds)
+
+
+def _figures(book: Book) -> dict[str, Any]:
+    trials, counts = book.store.patiently(book.trials), book.store.patiently(book.counts)
+    complete = [trial for trial in trials if trial.state is TrialState.COMPLETE]
+    best = min(complete, key=lambda trial: trial.values[0], default=None)
+    return {
+        "study": book.name,
+        **{state.name.lower(): count for state, count in counts.items()},
+        "given_up": _given_up(book),
+        "best_job": best.user_attrs[JOB] if best else None,
+        "best_mre": best.values[0] if best else None,
+        "best_levels": best.params if best else None,
+    }
+
+
+def _given_up(book: Book) -> dict[str, list[str]]:
+    """The reasons of each job that is tried no more."""
+    if not isinstance(book, Ledger):
+        return {}
+    standings = book.store.patiently(book.standings)
+    over = {name: one for name, one in standings.items() if not (one.complete or one.running or one.waiting)}
+    return {name: [trial.user_attrs.get(REASON, "") for trial in one.failed] for name, one in over.items()}
+
+
+def _summary(figures: dict[str, Any]) -> str:
+    lines = ["study {study}: {complete} complete, {pruned} pruned, {fail} attempts failed".format(**figures)]
+    if figures["best_job"]:
+        levels = ", ".join(figures["best_levels"].values())
+        lines.append(f"best: {figures['best_job']} with an MRE of {figures['best_mre']:.2f} %: {levels}")
+    lines += [f"given up: {name}: {'; '.join(why)}" for name, why in figures["given_up"].items()]
+    return "\n".join(lines)
+
+
+def _orders(options: argparse.Namespace) -> Orders:
+    if options.finalists and options.sampler != "grid":
+        raise InputError("--finalists are of the grid: leave --sampler out")
+    preset = FINAL if options.finalists else SCREENING
+    names = [field.name for field in dataclasses.fields(Budget) if field.name != "alpha"]
+    given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    cores = os.cpu_count() or 1
+    study = options.study or (FINALISTS if options.finalists else options.sampler)
+    beats = options.heartbeat
+    local = Path(options.storage).parent if "://" not in options.storage else Path(STORAGE).parent
+    return Orders(
+        storage=options.storage,
+        study=study,
+        budget=dataclasses.replace(preset, **given),
+        # Six beats: tracing a network can keep a worker from one or two.
+        rules=Rules(options.retries, options.time_limit, beats, 6 * beats),
+        folder=options.folder or local,
+        threads=max(1, cores // options.workers),
+        trials=options.trials if options.sampler == "tpe" else 0,
+    )
+
+
+def _options() -> argparse.ArgumentParser:
+    made = parser("run", __doc__, package="sweeps")
+    made.add_argument("--storage", default=STORAGE, help="a file, or postgresql://USER@HOST:PORT/DATABASE")
+    made.add_argument("--study", help="the study's name (default: grid, tpe or finalists)")
+    made.add_argument("--folder", type=Path, help="for artifacts and checkpoints (default: beside the file)")
+    made.add_argument("--workers", type=positive, default=min(4, os.cpu_count() or 1), help="processes here")
+    made.add_argument("--sampler", choices=("grid", "tpe"), default="grid", help="all points, or a search")
+    made.add_argument("--trials", type=positive, default=150, help="trials of a search")
+    made.add_argument("--points", default="0-1424", help="numbers of points, as 0-19,380")
+    made.add_argument("--finalists", type=positive, help="try this many best, and the paper's optimum, again")
+    made.add_argument("--screened", default="grid", metavar="STUDY", help="the study finalists come from")
+    made.add_argument("--seeds", type=positive, default=3, help="seeds of each finalist")
+    made.add_argument("--retries", type=int, default=3, help="attempts at a point after the first")
+    made.add_argument("--time-limit", type=float, default=300.0, metavar="S", help="seconds a trial may take")
+    made.add_argument(
+        "--heartbeat",
+        type=positive,
+        default=10,
+        metavar="S",
+        help="seconds between signs of life; six missed and a worker's trial is given to another",
+    )
+    _add_budget(made)
+    return made
+
+
+def _add_budget(made: argparse.ArgumentParser) -> None:
+    def told(name: str) -> str:
+        screening, final = getattr(SCREENING, name), getattr(FINAL, name)
+        return (
+            f"(default: {screening}, for finalists {final})" if screening != final else f"(default: {final})"
+        )
+
+    sorts = {
+        "size": "side of pictures in pixels",
+        "batch_size": "pictures per step",
+        "steps": "steps per trial",
+    }
+    sorts |= {"pictures": "pictures to train on", "validation": "pictures to judge by, a multiple of 64"}
+    sorts |= {"calibration": "pictures that batch normalisation is recalibrated on"}
+    for name, text in sorts.items():
+        made.add_argument(
+            f"--{name.replace('_', '-')}", type=positive, metavar="N", help=f"{text} {told(name)}"
+        )
+    made.add_argument(
+        "--large", choices=("large", "large_minimalistic"), help=f"the network behind Large {told('large')}"
+    )
+    for kind in ("large", "small"):
+        text = f"ImageNet weights of {kind}: imagenet, or a file {told(f'weights_{kind}')}"
+        made.add_argument(f"--weights-{kind}", metavar="FILE", help=text)
+
+
+if __name__ == "__main__":
+    run(main)

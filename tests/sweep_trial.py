@@ -1,0 +1,62 @@
+"""Small trials on discs, and what they leave behind. As a command: one trial in a fresh process, as JSON."""
+
+import hashlib
+import json
+import sys
+from typing import Any
+
+from laesi_tf import cli  # noqa: F401  first, so that TensorFlow comes without its chatter
+
+# isort: split
+import discs
+import numpy as np
+import tensorflow as tf
+
+from sweeps.budget import Budget
+from sweeps.grid import Point
+from sweeps.pictures import Batch, Pictures
+from sweeps.trainer import Outcome, Trainer
+
+BUDGET = Budget(
+    size=32,
+    batch_size=8,
+    steps=4,
+    pictures=24,
+    validation=64,
+    calibration=32,
+    alpha=0.35,
+    large="large_minimalistic",
+    weights_large="none",
+    weights_small="none",
+)
+
+
+def made(budget: Budget, start: int, count: int) -> Batch:
+    """Discs in place of scenes."""
+    stream = discs.stream(task="area", batch_size=count, size=budget.size, start=start % 10**6, count=count)
+    return next(iter(stream))
+
+
+def trainer(budget: Budget = BUDGET) -> Trainer:
+    """A trainer on discs."""
+    return Trainer(budget, Pictures(budget, threads=1, made=made))
+
+
+def told(trained: Trainer, point: Point, outcome: Outcome) -> dict[str, Any]:
+    """All that a trial gave, to the last bit."""
+    weights = hashlib.sha256(b"".join(v.numpy().tobytes() for v in trained.model(point).variables))
+    predicted = outcome.found["predicted"].tobytes().hex()
+    return {
+        "mre": outcome.mre.hex(),
+        "losses": [loss.hex() for loss in outcome.losses],
+        "predicted": predicted,
+        "weights": weights.hexdigest(),
+    }
+
+
+if __name__ == "__main__":
+    tf.config.threading.set_intra_op_parallelism_threads(int(sys.argv[2]))
+    chosen = Point(*sys.argv[1].split(","))
+    fresh = trainer()
+    print(json.dumps(told(fresh, chosen, fresh.run(chosen, 0))))
+    assert np.isfinite(fresh.inference_ms(chosen))
