@@ -1,11 +1,14 @@
 """What a trial may spend: how large, how many and which pictures, how many steps, from which weights."""
 
+import argparse
 import dataclasses
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from laesi_tf.cli import positive
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
 from laesi_tf.models.backbone import FROM_SCRATCH
@@ -15,27 +18,32 @@ JUDGED_BATCH = 64
 """Validation pictures that a network sees at once; each other size would be traced anew."""
 
 
+def _field(default: Any, text: str) -> Any:
+    return dataclasses.field(default=default, metadata={"help": text})
+
+
 @dataclass(frozen=True)
 class Budget:
     """The same for all trials of a study, so that they compare. Raises InputError for what does not fit.
 
-    `calibration` pictures re-estimate batch normalisation before a network is judged. `large` is the network
-    behind Large: without ImageNet weights of the full one the minimalistic one stands in, and then from
-    scratch as well, so that the starting points differ in their weights alone.
+    `large` is the network behind Large: without ImageNet weights of the full one the minimalistic one stands
+    in, and then from scratch as well, so that the starting points differ in their weights alone.
     """
 
-    size: int = 64
-    batch_size: int = 32
-    steps: int = 40
-    pictures: int = 4096
-    validation: int = 256
-    calibration: int = 256
-    alpha: float = 1.0
-    large: str = "large"
-    weights_large: str = "imagenet"
-    weights_small: str = "imagenet"
+    size: int = _field(64, "side of pictures in pixels")
+    batch_size: int = _field(32, "pictures per step")
+    steps: int = _field(40, "steps of a trial")
+    pictures: int = _field(4096, "pictures to train on")
+    validation: int = _field(256, f"pictures to judge by, a multiple of {JUDGED_BATCH}")
+    calibration: int = _field(256, "pictures that batch normalisation is recalibrated on")
+    alpha: float = _field(1.0, "width: factor on the number of channels")
+    large: str = _field("large", "network behind Large, large or large_minimalistic")
+    weights_large: str = _field("imagenet", "weights of Large: imagenet, none or the path of a file")
+    weights_small: str = _field("imagenet", "weights of Small: imagenet, none or the path of a file")
 
     def __post_init__(self) -> None:
+        if self.large not in ("large", "large_minimalistic"):
+            raise InputError(f"--large {self.large!r} is neither large nor large_minimalistic")
         if self.validation % JUDGED_BATCH:
             raise InputError(f"{self.validation} validation pictures are not a multiple of {JUDGED_BATCH}")
         if self.calibration > self.steps * self.batch_size:
@@ -71,6 +79,33 @@ class Budget:
 SCREENING = Budget()
 FINAL = Budget(size=96, steps=240, pictures=8192, validation=512, calibration=512)
 """What all points are tried with, and the best of them again."""
+
+
+_PARSED: dict[type, tuple[Callable[[str], Any], str]] = {
+    int: (positive, "N"),
+    float: (float, "FACTOR"),
+    str: (str, "NAME|FILE"),
+}
+
+
+def add_budget(made: argparse.ArgumentParser) -> None:
+    """Add an option for each field of Budget; one that is not given is None."""
+    for field in dataclasses.fields(Budget):
+        low, high = (getattr(preset, field.name) for preset in (SCREENING, FINAL))
+        default = f"{low}, for finalists {high}" if low != high else f"{low}"
+        made.add_argument(
+            f"--{field.name.replace('_', '-')}",
+            type=_PARSED[type(low)][0],
+            metavar=_PARSED[type(low)][1],
+            help=f"{field.metadata['help']} (default: {default})",
+        )
+
+
+def budget_of(options: argparse.Namespace, preset: Budget) -> Budget:
+    """`preset` with what was given."""
+    names = [field.name for field in dataclasses.fields(Budget)]
+    given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    return dataclasses.replace(preset, **given)
 
 
 def _origin(weights: str) -> str:

@@ -17,6 +17,7 @@ import optuna
 from optuna.distributions import CategoricalDistribution
 from optuna.exceptions import UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState
+from tqdm import tqdm
 
 from sweeps.book import COUNTS, JOB, REASON, SEED, Book, Claim, Job
 from sweeps.store import Store
@@ -59,7 +60,7 @@ class Ledger(Book):
         with self.store.lock():
             known = self.standings()
             missing = [job for job in jobs if job.name not in known]
-            for job in missing:
+            for job in tqdm(missing, delay=2, desc="queueing", unit="job", dynamic_ncols=True):
                 self._queue(job)
         return len(missing)
 

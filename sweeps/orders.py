@@ -11,6 +11,14 @@ from sweeps.ledger import Ledger
 from sweeps.search import Search
 from sweeps.store import Rules, Store
 
+STORAGE = "runs/sweep/study.db"
+"""Where a sweep is kept unless it is told otherwise."""
+
+
+def beside(storage: str) -> Path:
+    """The folder of artifacts and checkpoints that goes with a storage: where its file is."""
+    return Path(STORAGE if "://" in storage else storage).parent
+
 
 @dataclass(frozen=True)
 class Orders:

@@ -4,10 +4,12 @@ Live scenes would cost more than the training at this size. They are the same fo
 being a function of their index; a trial's seed decides their order and what augmentation does to each.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
+import numpy as np
 import tensorflow as tf
 
+from laesi_tf.cli import progress
 from laesi_tf.data import augment, synthetic
 from sweeps.budget import JUDGED_BATCH, Budget
 
@@ -21,12 +23,15 @@ class Pictures:
     validation: list[Batch]
 
     def __init__(
-        self, budget: Budget, *, threads: int, made: Callable[[Budget, int, int], Batch] | None = None
+        self, budget: Budget, *, threads: int, made: Callable[[Budget, Sequence[int]], Batch] | None = None
     ) -> None:
-        """Make them; `made(budget, start, count)` replaces the synthetic scenes."""
-        made = made or scenes
-        self._images, self._targets = made(budget, synthetic.TRAIN[0], budget.pictures)
-        images, targets = made(budget, synthetic.VALIDATION[0], budget.validation)
+        """Make them; `made(budget, indices)` replaces the synthetic scenes of these indices."""
+        count = budget.pictures
+        judged = range(synthetic.VALIDATION[0], synthetic.VALIDATION[0] + budget.validation)
+        learned = range(synthetic.TRAIN[0], synthetic.TRAIN[0] + count)
+        every, targets = (made or scenes)(budget, [*learned, *judged])
+        self._images, self._targets = every[:count], targets[:count]
+        images, targets = every[count:], targets[count:]
         firsts = range(0, budget.validation, JUDGED_BATCH)
         self.validation = [
             (images[first : first + JUDGED_BATCH], targets[first : first + JUDGED_BATCH]) for first in firsts
@@ -66,16 +71,15 @@ class Pictures:
         return picture["image"], self._targets[index]
 
 
-def scenes(budget: Budget, start: int, count: int) -> Batch:
-    """Scenes `start` and on: images uint8 [N, S, S, 3], targets float32 [N, 3]."""
-    batches = synthetic.batches(
-        task="area",
-        batch_size=JUDGED_BATCH,
+def scenes(budget: Budget, indices: Sequence[int]) -> Batch:
+    """The scenes of these indices: images uint8 [N, S, S, 3], targets float32 [N, 3]."""
+    pictures = synthetic.pictures_at(
+        tf.data.Dataset.from_tensor_slices(np.asarray(indices, np.int64)),
         seed=_SCENES_SEED,
         size=(budget.size, budget.size),
-        start=start,
-        count=count,
         passes=1,
     )
-    images, targets = zip(*batches, strict=True)
+    batches = synthetic.batched(pictures, task="area", batch_size=JUDGED_BATCH)
+    count = -(-len(indices) // JUDGED_BATCH)
+    images, targets = zip(*progress(batches, total=count, desc="pictures", unit="batch"), strict=True)
     return tf.concat(images, axis=0), tf.concat(targets, axis=0)

@@ -6,7 +6,6 @@ finished study are tried again at a larger budget, with --sampler tpe the same s
 """
 
 import argparse
-import dataclasses
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,14 +20,14 @@ from laesi_tf.errors import InputError
 from laesi_tf.files import require_writable, write_json
 from sweeps import crew, jobs
 from sweeps.book import JOB, REASON, Book, Job
-from sweeps.budget import FINAL, SCREENING, Budget
+from sweeps.budget import FINAL, SCREENING, add_budget, budget_of
 from sweeps.employed import employ
 from sweeps.grid import FACTORS
 from sweeps.ledger import Ledger
-from sweeps.orders import Orders
+from sweeps.orders import STORAGE, Orders, beside
 from sweeps.store import Rules, Store
 
-STORAGE, FINALISTS = "runs/sweep/study.db", "finalists"
+FINALISTS = "finalists"
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -101,20 +100,16 @@ def _summary(figures: dict[str, Any]) -> str:
 def _orders(options: argparse.Namespace) -> Orders:
     if options.finalists and options.sampler != "grid":
         raise InputError("--finalists are of the grid: leave --sampler out")
-    preset = FINAL if options.finalists else SCREENING
-    names = [field.name for field in dataclasses.fields(Budget) if field.name != "alpha"]
-    given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     cores = os.cpu_count() or 1
     study = options.study or (FINALISTS if options.finalists else options.sampler)
     beats = options.heartbeat
-    local = Path(options.storage).parent if "://" not in options.storage else Path(STORAGE).parent
     return Orders(
         storage=options.storage,
         study=study,
-        budget=dataclasses.replace(preset, **given),
+        budget=budget_of(options, FINAL if options.finalists else SCREENING),
         # Six beats: tracing a network can keep a worker from one or two.
         rules=Rules(options.retries, options.time_limit, beats, 6 * beats),
-        folder=options.folder or local,
+        folder=options.folder or beside(options.storage),
         threads=max(1, cores // options.workers),
         trials=options.trials if options.sampler == "tpe" else 0,
     )
@@ -141,34 +136,8 @@ def _options() -> argparse.ArgumentParser:
         metavar="S",
         help="seconds between signs of life; six missed and a worker's trial is given to another",
     )
-    _add_budget(made)
+    add_budget(made)
     return made
-
-
-def _add_budget(made: argparse.ArgumentParser) -> None:
-    def told(name: str) -> str:
-        screening, final = getattr(SCREENING, name), getattr(FINAL, name)
-        return (
-            f"(default: {screening}, for finalists {final})" if screening != final else f"(default: {final})"
-        )
-
-    sorts = {
-        "size": "side of pictures in pixels",
-        "batch_size": "pictures per step",
-        "steps": "steps per trial",
-    }
-    sorts |= {"pictures": "pictures to train on", "validation": "pictures to judge by, a multiple of 64"}
-    sorts |= {"calibration": "pictures that batch normalisation is recalibrated on"}
-    for name, text in sorts.items():
-        made.add_argument(
-            f"--{name.replace('_', '-')}", type=positive, metavar="N", help=f"{text} {told(name)}"
-        )
-    made.add_argument(
-        "--large", choices=("large", "large_minimalistic"), help=f"the network behind Large {told('large')}"
-    )
-    for kind in ("large", "small"):
-        text = f"ImageNet weights of {kind}: imagenet, or a file {told(f'weights_{kind}')}"
-        made.add_argument(f"--weights-{kind}", metavar="FILE", help=text)
 
 
 if __name__ == "__main__":

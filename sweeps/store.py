@@ -49,6 +49,10 @@ class Rules:
     grace_s: int = 60
     patience_s: float = 300.0
 
+    def __post_init__(self) -> None:
+        if self.retries < 0 or not self.time_limit_s > 0:
+            raise InputError(f"{self.retries} retries or {self.time_limit_s:g} s are not to be had")
+
 
 class Unreachable(Exception):
     """The database did not answer for as long as the rules allow."""

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from laesi_tf import cli  # noqa: F401  first, so that TensorFlow comes without its chatter
@@ -31,10 +32,12 @@ BUDGET = Budget(
 )
 
 
-def made(budget: Budget, start: int, count: int) -> Batch:
+def made(budget: Budget, indices: Sequence[int]) -> Batch:
     """Discs in place of scenes."""
-    stream = discs.stream(task="area", batch_size=count, size=budget.size, start=start % 10**6, count=count)
-    return next(iter(stream))
+    discs_made = [discs.disc(index % 10**6, budget.size) for index in indices]
+    shares = [mask.mean() for _, mask in discs_made]
+    targets = np.float32([[100.0 * share + 1.0, np.nan, share] for share in shares])
+    return tf.constant(np.stack([image for image, _ in discs_made])), tf.constant(targets)
 
 
 def trainer(budget: Budget = BUDGET) -> Trainer:

@@ -1,0 +1,123 @@
+"""Measure what a trial of the search costs beside its training steps, and what sharing compiled steps saves.
+
+Trials are those of a worker at its screening budget, from claim to end, in a study of their own. Overhead
+is all of a trial's time but its steps: claiming, resetting, judging, artifacts, the storage, and the
+building and tracing of networks spread over the run. The naive trial builds and traces its network for
+itself.
+"""
+
+import argparse
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from laesi_tf.cli import parser, positive, progress, run
+
+# isort: split
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.files import require_writable, write_json
+from laesi_tf.machine import described, peak_rss_mb
+from sweeps import jobs
+from sweeps.book import Job
+from sweeps.budget import SCREENING, Budget, add_budget, budget_of
+from sweeps.grid import FACTORS, POINTS
+from sweeps.ledger import Ledger
+from sweeps.objective import Training
+from sweeps.pictures import Pictures
+from sweeps.store import Rules, Store
+from sweeps.trainer import Trainer
+from sweeps.worker import work
+
+_NAIVE_TRIALS = 2
+_SETTLED = 10
+"""Trials after which memory should have stopped growing."""
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the trials, tell what they cost."""
+    options = _options().parse_args(arguments)
+    if options.json:
+        require_writable(options.json)
+    tf.config.threading.set_intra_op_parallelism_threads(options.threads)
+    tf.config.threading.set_inter_op_parallelism_threads(options.threads)
+    budget = budget_of(options, SCREENING)
+    pictures = Pictures(budget, threads=options.threads)
+    figures = costs(budget, pictures, jobs.screening(range(options.trials)))
+    figures["naive_trial_s"] = naive_trial_s(budget, pictures)
+    figures |= {"threads": options.threads, "budget": budget.told(), **described()}
+    if options.json:
+        write_json(options.json, figures)
+    print(_table(figures))
+
+
+def costs(budget: Budget, pictures: Pictures, chosen: Sequence[Job]) -> dict[str, Any]:
+    """Seconds per trial over a worker's run of `chosen` jobs, with a storage in a file, and its memory."""
+    held: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        ledger = Ledger(Store(str(Path(folder) / "study.db"), Rules()), "benchmark", FACTORS)
+        ledger.fill(chosen)
+        objective = Training(Trainer(budget, pictures), ledger, Path(folder))
+        bar = iter(progress(range(len(chosen)), desc="trials", unit="trial"))
+
+        def measured(claim: Any, clock: Any) -> Any:
+            held.append(peak_rss_mb())
+            next(bar)
+            return objective(claim, clock)
+
+        begun, used = time.perf_counter(), time.process_time()
+        work(ledger, measured)
+        spent, used = time.perf_counter() - begun, time.process_time() - used
+        ended = [standing.complete for standing in ledger.standings().values() if standing.complete]
+    mean = {key: float(np.mean([t.user_attrs[key] for t in ended])) for key in ("steps_s", "judging_s")}
+    return {
+        "trials": len(ended),
+        "trial_s": spent / len(ended),
+        "overhead_s": spent / len(ended) - mean["steps_s"],
+        **mean,
+        "trial_cpu_s": used / len(ended),
+        "peak_rss_mb": peak_rss_mb(),
+        "settled_rss_mb": held[min(_SETTLED, len(held) - 1)],
+    }
+
+
+def naive_trial_s(budget: Budget, pictures: Pictures) -> float:
+    """Mean seconds of a trial that builds and traces its network; pictures and TensorFlow are there."""
+    begun = time.perf_counter()
+    for point in progress(POINTS[:_NAIVE_TRIALS], desc="naive trials", unit="trial"):
+        Trainer(budget, pictures).run(point, jobs.SCREENING_SEED)
+    return (time.perf_counter() - begun) / _NAIVE_TRIALS
+
+
+def _table(figures: dict[str, Any]) -> str:
+    rows = {
+        "trial": "trial_s",
+        "  of which its steps": "steps_s",
+        "  overhead": "overhead_s",
+        "    of which judging": "judging_s",
+        "trial that builds and traces for itself": "naive_trial_s",
+        "CPU time of a trial": "trial_cpu_s",
+    }
+    lines = [f"{what:42}{figures[key]:8.2f} s" for what, key in rows.items()]
+    memory = "{settled_rss_mb:.0f} MB after ten trials, {peak_rss_mb:.0f} MB at the end".format(**figures)
+    machine = "{trials} trials, {threads} threads, {machine}, TensorFlow {tensorflow}, {date}".format(
+        **figures
+    )
+    return "\n".join([*lines, f"peak memory {memory}", machine])
+
+
+def _options() -> argparse.ArgumentParser:
+    made = parser("benchmark", __doc__, package="sweeps")
+    made.add_argument(
+        "--trials", type=positive, default=50, metavar="N", help="trials of the grid, from its first"
+    )
+    made.add_argument("--threads", type=positive, default=1, help="threads of the worker")
+    add_budget(made)
+    return made
+
+
+if __name__ == "__main__":
+    run(main)
