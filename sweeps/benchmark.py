@@ -2,8 +2,8 @@
 
 Trials are those of a worker at its screening budget, from claim to end, in a study of their own. Overhead
 is all of a trial's time but its steps: claiming, resetting, judging, artifacts, the storage, and the
-building and tracing of networks spread over the run. The naive trial builds and traces its network for
-itself.
+building and tracing of networks spread over the run. Its CPU time says what it would be on a machine that
+does nothing else. The naive trial builds and traces its network for itself.
 """
 
 import argparse
@@ -33,6 +33,7 @@ from sweeps.trainer import Trainer
 from sweeps.worker import work
 
 _NAIVE_TRIALS = 2
+_PARTS = ("steps_s", "steps_cpu_s", "judging_s")
 _SETTLED = 10
 """Trials after which memory should have stopped growing."""
 
@@ -72,13 +73,14 @@ def costs(budget: Budget, pictures: Pictures, chosen: Sequence[Job]) -> dict[str
         work(ledger, measured)
         spent, used = time.perf_counter() - begun, time.process_time() - used
         ended = [standing.complete for standing in ledger.standings().values() if standing.complete]
-    mean = {key: float(np.mean([t.user_attrs[key] for t in ended])) for key in ("steps_s", "judging_s")}
+    mean = {key: float(np.mean([t.user_attrs[key] for t in ended])) for key in _PARTS}
     return {
         "trials": len(ended),
         "trial_s": spent / len(ended),
         "overhead_s": spent / len(ended) - mean["steps_s"],
         **mean,
         "trial_cpu_s": used / len(ended),
+        "overhead_cpu_s": used / len(ended) - mean["steps_cpu_s"],
         "peak_rss_mb": peak_rss_mb(),
         "settled_rss_mb": held[min(_SETTLED, len(held) - 1)],
     }
@@ -100,6 +102,7 @@ def _table(figures: dict[str, Any]) -> str:
         "    of which judging": "judging_s",
         "trial that builds and traces for itself": "naive_trial_s",
         "CPU time of a trial": "trial_cpu_s",
+        "  of its overhead": "overhead_cpu_s",
     }
     lines = [f"{what:42}{figures[key]:8.2f} s" for what, key in rows.items()]
     memory = "{settled_rss_mb:.0f} MB after ten trials, {peak_rss_mb:.0f} MB at the end".format(**figures)

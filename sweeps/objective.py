@@ -114,5 +114,6 @@ def told(outcome: Outcome) -> dict[str, Any]:
         "images_per_s": outcome.images_per_s,
         "parameters": outcome.parameters,
         "steps_s": outcome.steps_s,
+        "steps_cpu_s": outcome.steps_cpu_s,
         "judging_s": outcome.judging_s,
     }

@@ -38,6 +38,7 @@ class Outcome:
     found: dict[str, np.ndarray]
     parameters: int
     steps_s: float
+    steps_cpu_s: float
     judging_s: float
     images_per_s: float
 
@@ -81,27 +82,29 @@ class Trainer:
         """
         self.prepare(point, seed)
         learner = self._reset(point, seed)
-        judged_at, judging_s = set(rungs), 0.0
+        judged_at, judging_s, judging_cpu_s = set(rungs), 0.0, 0.0
         losses: list[float] = []
         fed: list[tf.Tensor] = []
-        begun = time.perf_counter()
+        begun, used = time.perf_counter(), time.process_time()
         for step, (images, target) in enumerate(self.pictures.training(point.augmentations, seed), 1):
             alive()
             losses.append(_finite(float(learner.step(images, target)), step))
             if len(fed) * self.budget.batch_size < self.budget.calibration:
                 fed.append(images)
             if step in judged_at:
-                found, spent = self._judged(learner, fed)
-                judging_s += spent
+                found, spent, cpu = self._judged(learner, fed)
+                judging_s, judging_cpu_s = judging_s + spent, judging_cpu_s + cpu
                 reached(step, _finite(learner.task.figures(found)["mre"], step))
         steps_s = time.perf_counter() - begun - judging_s
-        found, spent = self._judged(learner, fed)
+        steps_cpu_s = time.process_time() - used - judging_cpu_s
+        found, spent, _ = self._judged(learner, fed)
         return Outcome(
             mre=_finite(learner.task.figures(found)["mre"], len(losses)),
             losses=losses,
             found=found,
             parameters=learner.model.count_params(),
             steps_s=steps_s,
+            steps_cpu_s=steps_cpu_s,
             judging_s=judging_s + spent,
             images_per_s=len(losses) * self.budget.batch_size / steps_s,
         )
@@ -128,12 +131,12 @@ class Trainer:
         kept.rates.follow(point.schedule, peak=LEARNING_RATE, final=FINAL_LEARNING_RATE)
         return kept.learner
 
-    def _judged(self, learner: Learner, fed: list[tf.Tensor]) -> tuple[dict[str, np.ndarray], float]:
-        """What the validation pictures give, and the seconds it took."""
-        begun = time.perf_counter()
+    def _judged(self, learner: Learner, fed: list[tf.Tensor]) -> tuple[dict[str, np.ndarray], float, float]:
+        """What the validation pictures give, and the seconds and seconds of CPU time it took."""
+        begun, used = time.perf_counter(), time.process_time()
         learner.recalibrate(lambda: batch_norm.calibration(fed, self.budget.calibration))
         found = learner.assess(self.pictures.validation)
-        return found, time.perf_counter() - begun
+        return found, time.perf_counter() - begun, time.process_time() - used
 
     def _traced(self, learner: Learner) -> None:
         """One step and one judgement, for what they leave compiled."""

@@ -1,0 +1,134 @@
+"""Say what a sweep found: tables, pictures and a page of findings in a folder.
+
+With --storage its studies are first written there as CSV with their seeds: screening.csv, and where there
+are such studies finalists.csv and search.csv. Without, the CSV files that are there are analysed again.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from laesi_tf.cli import parser, positive, run
+
+# isort: split
+import dataclasses
+
+import numpy as np
+import optuna
+
+from laesi_tf.errors import InputError
+from laesi_tf.files import require_writable, write_csv, write_json, write_text
+from sweeps import charts, effects, findings, ranks, spending, tables
+from sweeps.budget import SCREENING
+from sweeps.store import Rules, Store
+from sweeps.tables import Row
+
+PAGE = "README.md"
+_STUDIES = {"screening": "grid", "finalists": "finalists", "search": "tpe"}
+_QUANTILES = (0.1, 0.5, 0.9)
+_INTRODUCTION = """# What the sweep found
+
+Made by `python -m sweeps.analysis`; the trials are in the CSV files beside it. Lower MRE is better.
+Intervals are 95 %, simultaneous over what a table compares. A change in percent is one of the MRE itself:
+-10 % takes 50 % to 45 %. What is not told apart may still differ. All trials use synthetic pictures and a
+budget far below a full training: these are findings about the start of training on such pictures.
+"""
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Export where asked, analyse, tell."""
+    options = _options().parse_args(arguments)
+    if options.json:
+        require_writable(options.json)
+    if options.storage:
+        export(options.storage, options.out, {name: getattr(options, name) for name in _STUDIES})
+    found = {name: _table(options.out, name) for name in _STUDIES}
+    if not found["screening"]:
+        raise InputError(f"no screening.csv in {options.out}: name the --storage of a finished sweep")
+    figures = analyse(found, options.out, steps=options.steps, replays=options.replays)
+    print((options.out / PAGE).read_text(encoding="utf-8"))
+    if options.json:
+        write_json(options.json, figures)
+
+
+def export(storage: str, out: Path, studies: dict[str, str]) -> None:
+    """Write each of `studies` that the storage has, by the name of its table."""
+    store = Store(storage, Rules())
+    there = {study.study_name for study in optuna.get_all_study_summaries(store.storage)}
+    for table, study in studies.items():
+        if study in there:
+            loaded = optuna.load_study(study_name=study, storage=store.storage)
+            tables.write(out / f"{table}.csv", loaded.get_trials(deepcopy=False))
+
+
+def analyse(found: dict[str, list[Row]], out: Path, *, steps: int, replays: int) -> dict[str, Any]:
+    """Write tables, pictures and the page for the trials of each study; the figures."""
+    screened, page = found["screening"], [_INTRODUCTION]
+    fitted = effects.fit(screened)
+    figures: dict[str, Any] = {"shares": fitted.shares, "residual": fitted.residual}
+    figures["main_effects"] = [dataclasses.asdict(effect) for effect in fitted.main]
+    _effects_csv(out / "main_effects.csv", fitted.main)
+    _effects_csv(out / "interactions.csv", fitted.pairs)
+    charts.main_effects(out / "main_effects.png", fitted.main)
+    charts.parallel(out / "parallel.png", screened)
+    page += findings.of_screening(screened, fitted)
+    pictures = ["main_effects.png", "parallel.png"]
+    if names := findings.worth_knowing(fitted):
+        charts.interactions(out / "interactions.png", fitted.pairs, names)
+        pictures.append("interactions.png")
+    if found["finalists"]:
+        final = ranks.finals(screened, found["finalists"])
+        figures["finalists"] = [dataclasses.asdict(one) for one in final]
+        figures["agreement"] = [dataclasses.asdict(one) for one in ranks.agreements(final)]
+        charts.ranks(out / "ranks.png", final)
+        page += findings.of_finalists(final, len({row.seed for row in found["finalists"]}))
+        pictures.append("ranks.png")
+    if spending.is_whole(screened):
+        page += _spent(screened, found["search"], out, steps=steps, replays=replays)
+        pictures.append("spending.png")
+    page += ["## Pictures", "", *(f"![{Path(name).stem.replace('_', ' ')}]({name})\n" for name in pictures)]
+    write_text(out / PAGE, "\n".join(page))
+    return figures
+
+
+def _spent(
+    screened: Sequence[Row], search: Sequence[Row], out: Path, *, steps: int, replays: int
+) -> list[str]:
+    count = 200
+    random = spending.best_of_random(np.array([row.mre for row in screened]), count, _QUANTILES)
+    tpe = spending.best_of_tpe(screened, count, replays)
+    went = spending.best_so_far(search, steps) if search else None
+    charts.spending(out / "spending.png", random, tpe, went, steps=steps)
+    return findings.of_spending(random, tpe, went, steps)
+
+
+def _effects_csv(path: Path, found: Sequence[effects.Effect]) -> None:
+    rows = [[e.factor, e.level, round(e.change, 3), round(e.low, 3), round(e.high, 3)] for e in found]
+    write_csv(path, ["factor", "level", "change_percent", "low", "high"], rows)
+
+
+def _table(out: Path, name: str) -> list[Row]:
+    path = out / f"{name}.csv"
+    return tables.read(path) if path.is_file() else []
+
+
+def _options() -> argparse.ArgumentParser:
+    made = parser("analysis", __doc__, package="sweeps")
+    made.add_argument(
+        "--storage", help="where the studies are: a file, or postgresql://USER@HOST:PORT/DATABASE"
+    )
+    made.add_argument(
+        "--out", type=Path, default=Path("sweeps/results"), metavar="FOLDER", help="for all of it"
+    )
+    for table, study in _STUDIES.items():
+        made.add_argument(f"--{table}", default=study, metavar="STUDY", help=f"the study of {table}.csv")
+    made.add_argument(
+        "--steps", type=positive, default=SCREENING.steps, help="steps of a trial of the search"
+    )
+    made.add_argument("--replays", type=positive, default=20, help="times that TPE is replayed on the grid")
+    return made
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,142 @@
+"""The pictures of the analysis, as PNG files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from laesi_tf.files import whole
+from sweeps.effects import Effect
+from sweeps.grid import FACTORS, OPTIMUM, POINTS
+from sweeps.ranks import Final
+from sweeps.tables import Row
+
+_OPTIMUM_COLOUR = "tab:red"
+
+
+def main_effects(path: Path, effects: Sequence[Effect]) -> None:
+    """The effect of every level with its interval, a panel per factor."""
+    factors = list(dict.fromkeys(effect.factor for effect in effects))
+    counts = [sum(effect.factor == factor for effect in effects) for factor in factors]
+    figure = Figure(figsize=(8, 1.2 + 0.24 * sum(counts)), layout="constrained")
+    panels = figure.subplots(len(factors), 1, sharex=True, squeeze=False, height_ratios=counts)[:, 0]
+    for axes, factor in zip(panels, factors, strict=True):
+        shown = [effect for effect in effects if effect.factor == factor][::-1]
+        reach = [[e.change - e.low for e in shown], [e.high - e.change for e in shown]]
+        axes.errorbar([e.change for e in shown], range(len(shown)), xerr=reach, fmt="o", markersize=4)
+        axes.axvline(0, color="0.6", linewidth=1)
+        axes.set_yticks(range(len(shown)), [e.level for e in shown], fontsize=8)
+        axes.set_title(factor, fontsize=10, loc="left")
+    panels[-1].set_xlabel("MRE against the average of the factor's levels, % (lower is better)")
+    _save(path, figure)
+
+
+def interactions(path: Path, pairs: Sequence[Effect], factors: Sequence[str]) -> None:
+    """A map of each pair of `factors`, named "one x other": what the pair adds to its two effects."""
+    figure = Figure(figsize=(9, 3.2 * len(factors)), layout="constrained")
+    panels = figure.subplots(len(factors), 1, squeeze=False)[:, 0]
+    for axes, factor in zip(panels, factors, strict=True):
+        shown = [effect for effect in pairs if effect.factor == factor]
+        rows, columns = (list(dict.fromkeys(e.level.split(" x ")[side] for e in shown)) for side in (0, 1))
+        table = np.array([effect.change for effect in shown]).reshape(len(rows), len(columns))
+        told = np.array([effect.is_told_apart for effect in shown]).reshape(table.shape)
+        bound = max(1.0, float(np.abs(table).max()))
+        image = axes.imshow(table, cmap="RdBu_r", vmin=-bound, vmax=bound, aspect="auto")
+        for row, column in np.argwhere(told):
+            axes.text(column, row, f"{table[row, column]:+.0f}", ha="center", va="center", fontsize=7)
+        axes.set_xticks(range(len(columns)), columns, fontsize=7, rotation=60, ha="right")
+        axes.set_yticks(range(len(rows)), rows, fontsize=8)
+        axes.set_title(f"{factor}: %, numbers where told apart from 0", fontsize=10, loc="left")
+        figure.colorbar(image, ax=axes)
+    _save(path, figure)
+
+
+def parallel(path: Path, rows: Sequence[Row]) -> None:
+    """Every trial as a line through its levels to its error, the best in colour, the paper's optimum red."""
+    figure = Figure(figsize=(11, 6), layout="constrained")
+    axes = figure.subplots()
+    errors = np.log([row.mre for row in rows])
+    heights = (errors - errors.min()) / max(float(np.ptp(errors)), 1e-9)
+    random = np.random.default_rng(0)
+    best = np.quantile(heights, 0.02)
+    for place in np.argsort(errors)[::-1]:
+        levels = rows[place].point.levels
+        at = [FACTORS[name].index(level) / (len(FACTORS[name]) - 1) for name, level in levels.items()]
+        # A little apart, so that lines of the same level can be told.
+        line = [*(np.array(at) + random.uniform(-0.012, 0.012, len(at))), heights[place]]
+        colour = matplotlib.colormaps["viridis"](heights[place])
+        if rows[place].point == OPTIMUM:
+            axes.plot(line, color=_OPTIMUM_COLOUR, linewidth=2.0, zorder=3)
+        elif heights[place] <= best:
+            axes.plot(line, color=colour, linewidth=1.2, alpha=0.9)
+        else:
+            axes.plot(line, color=colour, linewidth=0.6, alpha=0.08)
+    for across, names in enumerate(FACTORS.values()):
+        for place, name in enumerate(names):
+            axes.text(across + 0.02, place / (len(names) - 1), name, fontsize=6)
+    shown = np.exp([errors.min(), errors.max()])
+    axes.set_xticks(range(len(FACTORS) + 1), [*FACTORS, f"MRE, {shown[0]:.0f} to {shown[1]:.0f} %"])
+    axes.set_yticks([])
+    _save(path, figure)
+
+
+def ranks(path: Path, found: Sequence[Final]) -> None:
+    """The error at the larger budget against that of the screening."""
+    figure = Figure(figsize=(6, 5), layout="constrained")
+    axes = figure.subplots()
+    optimum = POINTS.index(OPTIMUM)
+    for final in found:
+        colour = _OPTIMUM_COLOUR if final.number == optimum else "tab:blue"
+        axes.loglog(final.screened, final.mre, "o", color=colour)
+        axes.annotate(
+            str(final.number),
+            (final.screened, final.mre),
+            fontsize=6,
+            xytext=(3, 3),
+            textcoords="offset points",
+        )
+    axes.set(xlabel="MRE in the screening, %", ylabel="MRE at the larger budget, mean over seeds, %")
+    axes.set_title("red: the paper's optimum", fontsize=9, loc="left")
+    _save(path, figure)
+
+
+def spending(
+    path: Path,
+    random: np.ndarray,
+    tpe: np.ndarray,
+    went: tuple[np.ndarray, np.ndarray] | None,
+    *,
+    steps: int,
+) -> None:
+    """The lowest error found against what was spent.
+
+    `random` [3, N] are quantiles of the grid in random order, `tpe` [replays, N] replays, `went` a search as
+    it went: steps spent and lowest error after each trial, where a whole trial takes `steps`.
+    """
+    figure = Figure(figsize=(8, 5), layout="constrained")
+    axes = figure.subplots()
+    of_tpe = np.quantile(tpe, [0.1, 0.5, 0.9], axis=0)
+    across = np.arange(1, random.shape[1] + 1)
+    for label, band, colour in (
+        ("grid in random order", random, "0.5"),
+        ("TPE, replayed", of_tpe, "tab:blue"),
+    ):
+        axes.plot(across, band[1], color=colour, label=f"{label}: median, 10 to 90 %")
+        axes.fill_between(across, band[0], band[2], color=colour, alpha=0.2)
+    if went is not None:
+        axes.step(
+            went[0] / steps, went[1], where="post", color="tab:orange", label="TPE with pruning, one run"
+        )
+    axes.set(xscale="log", xlabel="trials; with pruning, steps in units of a trial", ylabel="lowest MRE, %")
+    axes.legend()
+    _save(path, figure)
+
+
+def _save(path: Path, figure: Figure) -> None:
+    with (
+        whole(path) as temporary,
+        matplotlib.rc_context({"axes.spines.top": False, "axes.spines.right": False}),
+    ):
+        figure.savefig(temporary, dpi=110)

@@ -1,0 +1,160 @@
+"""The page of findings: sentences that say no more than the intervals do."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sweeps.effects import Effect, Fit
+from sweeps.grid import OPTIMUM, POINTS
+from sweeps.ranks import Agreement, Final, agreements, place_of_optimum
+from sweeps.tables import Row
+
+_WORTH_KNOWING = 0.01
+"""Share of the variance from which on an interaction is told."""
+
+
+def worth_knowing(fitted: Fit) -> list[str]:
+    """The pairs of factors whose interaction matters, the largest first."""
+    pairs = [name for name, share in fitted.shares.items() if " x " in name and share >= _WORTH_KNOWING]
+    return sorted(pairs, key=lambda name: -fitted.shares[name])
+
+
+def of_screening(rows: Sequence[Row], fitted: Fit) -> list[str]:
+    """What the screening says: shares, main effects, interactions, the place of the optimum."""
+    errors = np.array([row.mre for row in rows])
+    best = rows[int(np.argmin(errors))]
+    shares = ", ".join(f"{name} {100 * share:.1f} %" for name, share in fitted.shares.items())
+    return [
+        "## Screening",
+        "",
+        f"{len(rows)} points, one seed. MRE from {errors.min():.1f} to {errors.max():.1f} %, "
+        f"median {np.median(errors):.1f} %. The best is number {best.number} ({_told(best.number)}); "
+        f"being the lowest of {len(rows)}, it is so in part by luck.",
+        "",
+        f"Of the variance of the logarithm of the MRE: {shares}; left over {100 * fitted.residual:.1f} %.",
+        "",
+        *_table(
+            ["factor", "level", "change of the MRE, %", "told apart from the average"],
+            [[e.factor, e.level, _interval(e), _verdict(e)] for e in fitted.main],
+        ),
+        *_pairs(fitted),
+        *_optimum(rows),
+    ]
+
+
+def of_finalists(found: Sequence[Final], seeds: int) -> list[str]:
+    """What the larger budget says: who is best, who cannot be told from it, whether the ranks agree."""
+    best, alike = found[0], sum(final.low <= 0 for final in found[1:])
+    lines = [
+        "## Finalists",
+        "",
+        f"{len(found)} points at the larger budget, {seeds} seeds each. The lowest mean is that of number "
+        f"{best.number} ({_told(best.number)}): {best.mre:.1f} %. {alike} others cannot be told from it.",
+        "",
+    ]
+    for place, final in enumerate(found, 1):
+        if final.number == POINTS.index(OPTIMUM):
+            verdict = "cannot be told from the best" if final.low <= 0 else "is behind the best"
+            lines += [
+                f"The paper's optimum comes {_ordinal(place)} of {len(found)} with {final.mre:.1f} % and "
+                f"{verdict}: {_behind(final)} %.",
+                "",
+            ]
+    return [
+        *lines,
+        *(_agreement(one) for one in agreements(found)),
+        "All but the optimum are the best of the screening: over so narrow a range ranks agree less than",
+        "they would over the whole grid.",
+        "",
+        *_table(
+            ["number", "point", "screening MRE %", "MRE %", "behind the best, %"],
+            [[f.number, _told(f.number), f"{f.screened:.1f}", f"{f.mre:.1f}", _behind(f)] for f in found],
+        ),
+    ]
+
+
+def of_spending(
+    random: np.ndarray, tpe: np.ndarray, went: tuple[np.ndarray, np.ndarray] | None, steps: int
+) -> list[str]:
+    """What the searches found for what they spent; the arguments are those of `charts.spending`."""
+    count = random.shape[1]
+    middle = np.median(tpe, axis=0)
+    marks = [spent for spent in (10, 25, 50, 100, 150, 200) if spent <= count]
+    better = 100 * np.mean(tpe[:, -1] < random[1, -1])
+    lines = [
+        "## Searching",
+        "",
+        *_table(
+            ["trials spent", "lowest MRE %, grid in random order", "lowest MRE %, TPE replayed on the grid"],
+            [[spent, f"{random[1, spent - 1]:.1f}", f"{middle[spent - 1]:.1f}"] for spent in marks],
+        ),
+        f"Medians over orders and {len(tpe)} replays. After {count} trials {better:.0f} % of the replays are",
+        "below the median of the random order.",
+        "",
+    ]
+    if went is not None:
+        spent, lowest = went
+        lines += [
+            f"The one run with pruning made {len(spent)} trials with the steps of {spent[-1] / steps:.0f} ",
+            f"whole ones and reached {lowest[-1]:.1f} %.",
+            "",
+        ]
+    return lines
+
+
+def _pairs(fitted: Fit) -> list[str]:
+    names = worth_knowing(fitted)
+    if not names:
+        least = f"{100 * _WORTH_KNOWING:.0f} %"
+        return [f"No pair of factors explains {least} of the variance beyond its two effects.", ""]
+    lines = ["Pairs that do more, or less, than their two effects together:", ""]
+    for name in names:
+        told = [effect for effect in fitted.pairs if effect.factor == name and effect.is_told_apart]
+        largest = sorted(told, key=lambda effect: -abs(np.log1p(effect.change / 100)))[:3]
+        shown = "; ".join(f"{effect.level} {_interval(effect)} %" for effect in largest)
+        share = f"{name} ({100 * fitted.shares[name]:.1f} % of the variance)"
+        lines.append(f"- {share}: {shown or 'no single pair is told apart'}")
+    return [*lines, ""]
+
+
+def _optimum(rows: Sequence[Row]) -> list[str]:
+    if POINTS.index(OPTIMUM) not in {row.number for row in rows}:
+        return []
+    place, of = place_of_optimum(rows)
+    return [
+        f"The paper's optimum ({_told(POINTS.index(OPTIMUM))}) comes {_ordinal(place)} of {of}: "
+        f"{100 * (place - 1) / of:.0f} % of the points are better. It is one trial with one seed: its place "
+        "has no interval.",
+        "",
+    ]
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+    lines = [header, ["---"] * len(header), *rows]
+    return [*("| " + " | ".join(map(str, cells)) + " |" for cells in lines), ""]
+
+
+def _agreement(one: Agreement) -> str:
+    verdict = "" if one.low > 0 else "; the interval holds zero, so no agreement is shown"
+    return f"{one.name} between the two budgets: {one.value:.2f} [{one.low:.2f}, {one.high:.2f}]{verdict}."
+
+
+def _verdict(effect: Effect) -> str:
+    return "" if not effect.is_told_apart else "better" if effect.high < 0 else "worse"
+
+
+def _behind(final: Final) -> str:
+    return f"{final.behind:+.1f} [{final.low:+.1f}, {final.high:+.1f}]"
+
+
+def _interval(effect: Effect) -> str:
+    return f"{effect.change:+.1f} [{effect.low:+.1f}, {effect.high:+.1f}]"
+
+
+def _told(number: int) -> str:
+    return ", ".join(POINTS[number].levels.values())
+
+
+def _ordinal(number: int) -> str:
+    ending = "th" if number % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{ending}"

@@ -1,0 +1,95 @@
+"""Whether a small budget ranks points as a larger one does, and where the paper's optimum is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from sweeps.grid import OPTIMUM, POINTS
+from sweeps.tables import Row
+
+_RESAMPLED, _SEED, _CONFIDENCE = 2000, 0, 0.95
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """A rank correlation with its bootstrap interval over points."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Final:
+    """A finalist: the mean of its logarithms over seeds as an MRE, and how much worse it is than the best, %.
+
+    The interval of the difference is simultaneous over all finalists; below zero it may be the better one.
+    """
+
+    number: int
+    screened: float
+    mre: float
+    behind: float
+    low: float
+    high: float
+
+
+def finals(screened: Sequence[Row], rows: Sequence[Row]) -> list[Final]:
+    """The finalists from best to worst.
+
+    Their errors are logarithms with an effect of the point and one of the seed; what is left over, pooled
+    over all of them, is the chance that intervals are made from.
+    """
+    numbers, seeds = sorted({row.number for row in rows}), sorted({row.seed for row in rows})
+    table = np.full((len(numbers), len(seeds)), np.nan)
+    for row in rows:
+        table[numbers.index(row.number), seeds.index(row.seed)] = np.log(row.mre)
+    if np.isnan(table).any():
+        raise ValueError("a finalist lacks one of the seeds")
+    means = table.mean(axis=1)
+    left_over = table - means[:, None] - table.mean(axis=0) + table.mean()
+    freedom = (len(numbers) - 1) * (len(seeds) - 1)
+    chance = np.sqrt(2 * np.sum(left_over**2) / freedom / len(seeds))
+    reach = chance * stats.t.ppf(1 - (1 - _CONFIDENCE) / 2 / max(1, len(numbers) - 1), freedom)
+    before = {row.number: row.mre for row in screened}
+    order = np.argsort(means, kind="stable")
+    behind = means - means[order[0]]
+
+    def percent(log: float) -> float:
+        return float(100 * (np.exp(log) - 1))
+
+    return [
+        Final(
+            number=numbers[place],
+            screened=before[numbers[place]],
+            mre=float(np.exp(means[place])),
+            behind=percent(behind[place]),
+            low=percent(behind[place] - reach),
+            high=percent(behind[place] + reach),
+        )
+        for place in order
+    ]
+
+
+def agreements(found: Sequence[Final]) -> list[Agreement]:
+    """Kendall's tau and Spearman's rho between the screening and the larger budget."""
+    pairs = np.array([(final.screened, final.mre) for final in found])
+    random = np.random.default_rng(_SEED)
+    draws = random.integers(0, len(pairs), (_RESAMPLED, len(pairs)))
+    made = []
+    for name, correlation in (("Kendall's tau", stats.kendalltau), ("Spearman's rho", stats.spearmanr)):
+        with np.errstate(invalid="ignore"):
+            values = [correlation(*pairs[draw].T).statistic for draw in draws]
+        low, high = np.nanpercentile(values, [50 * (1 - _CONFIDENCE), 50 * (1 + _CONFIDENCE)])
+        made.append(Agreement(name, float(correlation(*pairs.T).statistic), float(low), float(high)))
+    return made
+
+
+def place_of_optimum(rows: Sequence[Row]) -> tuple[int, int]:
+    """Place of the paper's optimum among `rows`, from 1, and how many there are."""
+    optimum = POINTS.index(OPTIMUM)
+    (own,) = (row.mre for row in rows if row.number == optimum)
+    return 1 + sum(row.mre < own for row in rows), len(rows)

@@ -1,0 +1,77 @@
+"""A study's results as CSV, and read back: what the analysis is made from and the repository keeps."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from optuna.trial import FrozenTrial, TrialState
+
+from laesi_tf.errors import InputError
+from laesi_tf.files import write_csv
+from sweeps.book import SEED
+from sweeps.grid import FACTORS, POINTS, Point
+from sweeps.search import PRUNED_AT
+
+_ATTRIBUTES = ("median", "p90", "final_loss", "images_per_s", "parameters", "steps_s", "trial_s", "attempt")
+_HEADER = ("number", *FACTORS, "seed", "mre", "inference_ms", PRUNED_AT, *_ATTRIBUTES)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A trial that ended: its point by number, what was found, the steps it was pruned after or 0."""
+
+    number: int
+    point: Point
+    seed: int
+    mre: float
+    inference_ms: float
+    pruned_at: int = 0
+
+
+def write(path: Path, trials: Iterable[FrozenTrial]) -> int:
+    """Write those of a study's `trials` that ended well, in the order in which they ended; how many."""
+    ended = [t for t in trials if t.state in (TrialState.COMPLETE, TrialState.PRUNED)]
+    in_order = sorted(ended, key=lambda trial: trial.datetime_complete or trial.number)
+    write_csv(path, _HEADER, [_cells(trial) for trial in in_order])
+    return len(in_order)
+
+
+def read(path: Path) -> list[Row]:
+    """The trials in a CSV that `write` made. Raises InputError for any other file."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return [_row(cells) for cells in csv.DictReader(file)]
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{path} is not a table of trials: {error!r}; write it with --storage") from error
+
+
+def _cells(trial: FrozenTrial) -> Sequence[Any]:
+    point = Point(**{factor: trial.params[factor] for factor in FACTORS})
+    told = trial.user_attrs
+    # A search has one objective and keeps the other beside it.
+    inference_ms = trial.values[1] if len(trial.values) > 1 else told["inference_ms"]
+    found = [told[SEED], round(trial.values[0], 6), _short(inference_ms), told.get(PRUNED_AT)]
+    rest = [_short(told.get(name)) for name in _ATTRIBUTES]
+    return [POINTS.index(point), *point.levels.values(), *found, *rest]
+
+
+def _short(value: Any) -> Any:
+    return round(value, 5) if isinstance(value, float) else value
+
+
+def _row(cells: dict[str, str]) -> Row:
+    point = Point(**{factor: cells[factor] for factor in FACTORS})
+    if POINTS[int(cells["number"])] != point:
+        raise ValueError(f"point {cells['number']} has other levels")
+    return Row(
+        number=int(cells["number"]),
+        point=point,
+        seed=int(cells["seed"]),
+        mre=float(cells["mre"]),
+        inference_ms=float(cells["inference_ms"]),
+        pruned_at=int(cells[PRUNED_AT] or 0),
+    )
