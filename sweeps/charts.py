@@ -28,6 +28,7 @@ def main_effects(path: Path, effects: Sequence[Effect]) -> None:
         axes.errorbar([e.change for e in shown], range(len(shown)), xerr=reach, fmt="o", markersize=4)
         axes.axvline(0, color="0.6", linewidth=1)
         axes.set_yticks(range(len(shown)), [e.level for e in shown], fontsize=8)
+        axes.set_ylim(-0.6, len(shown) - 0.4)
         axes.set_title(factor, fontsize=10, loc="left")
     panels[-1].set_xlabel("MRE against the average of the factor's levels, % (lower is better)")
     _save(path, figure)
@@ -45,7 +46,9 @@ def interactions(path: Path, pairs: Sequence[Effect], factors: Sequence[str]) ->
         bound = max(1.0, float(np.abs(table).max()))
         image = axes.imshow(table, cmap="RdBu_r", vmin=-bound, vmax=bound, aspect="auto")
         for row, column in np.argwhere(told):
-            axes.text(column, row, f"{table[row, column]:+.0f}", ha="center", va="center", fontsize=7)
+            ink = "white" if abs(table[row, column]) > 0.6 * bound else "black"
+            written = f"{table[row, column]:+.0f}"
+            axes.text(column, row, written, ha="center", va="center", fontsize=7, color=ink)
         axes.set_xticks(range(len(columns)), columns, fontsize=7, rotation=60, ha="right")
         axes.set_yticks(range(len(rows)), rows, fontsize=8)
         axes.set_title(f"{factor}: %, numbers where told apart from 0", fontsize=10, loc="left")
@@ -75,7 +78,8 @@ def parallel(path: Path, rows: Sequence[Row]) -> None:
             axes.plot(line, color=colour, linewidth=0.6, alpha=0.08)
     for across, names in enumerate(FACTORS.values()):
         for place, name in enumerate(names):
-            axes.text(across + 0.02, place / (len(names) - 1), name, fontsize=6)
+            ground = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.5}
+            axes.text(across + 0.02, place / (len(names) - 1), name, fontsize=6, bbox=ground, zorder=4)
     shown = np.exp([errors.min(), errors.max()])
     axes.set_xticks(range(len(FACTORS) + 1), [*FACTORS, f"MRE, {shown[0]:.0f} to {shown[1]:.0f} %"])
     axes.set_yticks([])

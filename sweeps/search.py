@@ -3,6 +3,7 @@
 It is what the grid is compared with: the lowest error against the trials, and the steps, that were spent.
 """
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -38,7 +39,10 @@ class Search(Book):
             counts = self.counts()
             if sum(counts.values()) - counts[TrialState.FAIL] >= self._wanted:
                 return None
-            trial = self.study.ask()
+            with warnings.catch_warnings():
+                # Optuna warns that no one sends heartbeats for a trial that was asked for: the worker does.
+                warnings.simplefilter("ignore", UserWarning)
+                trial = self.study.ask()
             self.store.storage.record_heartbeat(trial._trial_id)
             # A seed of the trial's own: workers that begin together must not propose the same.
             self.study.sampler = optuna.samplers.TPESampler(

@@ -50,8 +50,8 @@ def test_effects_are_those_that_were_put_in() -> None:
 
 def test_intervals_hold_what_they_promise() -> None:
     """No level of the augmentation does anything: of 95 % intervals over all 19 nearly all sets hold zero."""
-    clean = [any(e.is_told_apart for e in _augmentations(seed)) for seed in range(40)]
-    assert sum(clean) <= 6
+    clean = [any(e.is_told_apart for e in _augmentations(seed)) for seed in range(20)]
+    assert sum(clean) <= 4
 
 
 def _augmentations(seed: int) -> list[effects.Effect]:

@@ -1,0 +1,86 @@
+"""The command, from its options to the trials of real worker processes."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from laesi_tf.errors import InputError
+from laesi_tf.training import load_run
+from sweeps import run, watch
+from sweeps.grid import POINTS
+
+SMALL = [n for n, p in enumerate(POINTS) if (p.start, p.optimizer) == ("small_imagenet", "sgd")][:3]
+TINY = "--size 32 --batch-size 8 --steps 4 --pictures 16 --validation 64 --calibration 32 --alpha 0.35"
+COMPOSE = Path(run.__file__).parent / "compose.yaml"
+
+
+def arguments(folder: Path, *more: str) -> list[str]:
+    tiny = [*TINY.split(), "--weights-small", "none", "--weights-large", "none", "--workers", "1"]
+    return ["--storage", str(folder / "study.db"), *tiny, *more]
+
+
+def test_it_works_off_points_and_continues(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, both = f"{SMALL[0]}-{SMALL[1]}", f"{SMALL[0]}-{SMALL[2]}"
+    run.main(arguments(tmp_path, "--points", first, "--json", str(tmp_path / "one.json")))
+    assert json.loads((tmp_path / "one.json").read_text())["complete"] == 2
+    with pytest.raises(InputError, match="steps 4 there, 5 here"):
+        run.main(arguments(tmp_path, "--points", both, "--steps", "5"))
+    # What is done is not done again, and no worker is started where nothing is left.
+    run.main(arguments(tmp_path, "--points", first))
+    assert "2 complete, 0 pruned, 0 attempts failed" in capsys.readouterr().out
+    figures = json.loads((tmp_path / "one.json").read_text())
+    assert figures["best_mre"] > 0 and not figures["given_up"]
+    checkpoints = sorted((tmp_path / "checkpoints").iterdir())
+    assert checkpoints and load_run(checkpoints[0]).config.steps == 4
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (["--points", "7-x"], "is not numbers"),
+        (["--points", "0-1425"], "is not within 0-1424"),
+        (["--validation", "100"], "multiple of 64"),
+        (["--large", "huge"], "neither large nor"),
+        (["--weights-large", "absent.h5"], "no weights file"),
+        (["--finalists", "3"], "screening is not complete"),
+        (["--finalists", "3", "--sampler", "tpe"], "leave --sampler out"),
+        (["--time-limit", "0"], "are not to be had"),
+        (["--json", "."], "is a folder"),
+        (["--sampler", "random"], "invalid choice"),
+    ],
+)
+def test_bad_input(tmp_path: Path, more: list[str], told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        run.main(arguments(tmp_path, *more))
+
+
+def test_a_study_with_points_given_up_ends_with_status_1(tmp_path: Path) -> None:
+    options = run._options().parse_args(arguments(tmp_path, "--points", "3"))
+    orders = run._orders(options)
+    ledger = orders.open()
+    run._filled(ledger, options)
+    while claim := ledger.claim():
+        ledger.fail(claim, "as it was told")
+    with pytest.raises(SystemExit) as ended:
+        run.main(arguments(tmp_path, "--points", "3"))
+    assert ended.value.code == 1
+    ledger = run._orders(run._options().parse_args(arguments(tmp_path, "--retries", "5"))).open()
+    run._filled(ledger, options)
+    assert ledger.claim() is not None, "more retries than before take it up again"
+
+
+def test_the_compose_file_starts_what_there_is() -> None:
+    services = yaml.safe_load(COMPOSE.read_text())["services"]
+    assert set(services) == {"database", "workers", "dashboard"}
+    assert "ports" not in services["database"]
+    assert all(re.fullmatch(r"127\.0\.0\.1:\d+:8080", port) for port in services["dashboard"]["ports"])
+    for name, options in (("workers", run._options()), ("dashboard", watch._options())):
+        command = services[name]["command"]
+        assert (
+            command[:2] == ["python", "-m"]
+            and command[2] == f"sweeps.{'run' if name == 'workers' else 'watch'}"
+        )
+        assert options.parse_args(command[3:]).storage.startswith("postgresql://")
