@@ -5,6 +5,7 @@ are such studies finalists.csv and search.csv. Without, the CSV files that are t
 """
 
 import argparse
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,6 @@ import optuna
 from laesi_tf.errors import InputError
 from laesi_tf.files import require_writable, write_csv, write_json, write_text
 from sweeps import charts, effects, findings, ranks, spending, tables
-from sweeps.budget import SCREENING
 from sweeps.store import Rules, Store
 from sweeps.tables import Row
 
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str]) -> None:
     found = {name: _table(options.out, name) for name in _STUDIES}
     if not found["screening"]:
         raise InputError(f"no screening.csv in {options.out}: name the --storage of a finished sweep")
-    figures = analyse(found, options.out, steps=options.steps, replays=options.replays)
+    figures = analyse(found, options.out, replays=options.replays)
     print((options.out / PAGE).read_text(encoding="utf-8"))
     if options.json:
         write_json(options.json, figures)
@@ -60,11 +60,13 @@ def export(storage: str, out: Path, studies: dict[str, str]) -> None:
         if study in there:
             loaded = optuna.load_study(study_name=study, storage=store.storage)
             tables.write(out / f"{table}.csv", loaded.get_trials(deepcopy=False))
+            write_json(out / f"{table}.json", loaded.user_attrs)
 
 
-def analyse(found: dict[str, list[Row]], out: Path, *, steps: int, replays: int) -> dict[str, Any]:
+def analyse(found: dict[str, list[Row]], out: Path, *, replays: int) -> dict[str, Any]:
     """Write tables, pictures and the page for the trials of each study; the figures."""
-    screened, page = found["screening"], [_INTRODUCTION]
+    screened, budgets = found["screening"], {name: _budget(out, name) for name, rows in found.items() if rows}
+    page = [_INTRODUCTION, *(findings.of_budget(name, budget) for name, budget in budgets.items()), ""]
     fitted = effects.fit(screened)
     figures: dict[str, Any] = {"shares": fitted.shares, "residual": fitted.residual}
     figures["main_effects"] = [dataclasses.asdict(effect) for effect in fitted.main]
@@ -85,6 +87,7 @@ def analyse(found: dict[str, list[Row]], out: Path, *, steps: int, replays: int)
         page += findings.of_finalists(final, len({row.seed for row in found["finalists"]}))
         pictures.append("ranks.png")
     if spending.is_whole(screened):
+        steps = budgets.get("search", {}).get("steps", 1)
         page += _spent(screened, found["search"], out, steps=steps, replays=replays)
         pictures.append("spending.png")
     page += ["## Pictures", "", *(f"![{Path(name).stem.replace('_', ' ')}]({name})\n" for name in pictures)]
@@ -113,6 +116,12 @@ def _table(out: Path, name: str) -> list[Row]:
     return tables.read(path) if path.is_file() else []
 
 
+def _budget(out: Path, name: str) -> dict[str, Any]:
+    """What a trial of a study could spend, as it was exported; empty where it was not."""
+    path = out / f"{name}.json"
+    return json.loads(path.read_text(encoding="utf-8")).get("budget", {}) if path.is_file() else {}
+
+
 def _options() -> argparse.ArgumentParser:
     made = parser("analysis", __doc__, package="sweeps")
     made.add_argument(
@@ -123,9 +132,6 @@ def _options() -> argparse.ArgumentParser:
     )
     for table, study in _STUDIES.items():
         made.add_argument(f"--{table}", default=study, metavar="STUDY", help=f"the study of {table}.csv")
-    made.add_argument(
-        "--steps", type=positive, default=SCREENING.steps, help="steps of a trial of the search"
-    )
     made.add_argument("--replays", type=positive, default=20, help="times that TPE is replayed on the grid")
     return made
 

@@ -1,6 +1,7 @@
 """The page of findings: sentences that say no more than the intervals do."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,16 @@ def worth_knowing(fitted: Fit) -> list[str]:
     """The pairs of factors whose interaction matters, the largest first."""
     pairs = [name for name, share in fitted.shares.items() if " x " in name and share >= _WORTH_KNOWING]
     return sorted(pairs, key=lambda name: -fitted.shares[name])
+
+
+def of_budget(study: str, budget: Mapping[str, Any]) -> str:
+    """What a trial of a study could spend, in a sentence."""
+    if not budget:
+        return f"- {study}: its budget is not known."
+    return (
+        "- {study}: {steps} steps of {batch_size} pictures of {size} px out of {pictures}, judged on "
+        "{validation}; Large is MobileNetV3 {large} from {weights_large}, Small from {weights_small}."
+    ).format(study=study, **budget)
 
 
 def of_screening(rows: Sequence[Row], fitted: Fit) -> list[str]:

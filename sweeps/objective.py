@@ -49,7 +49,10 @@ class Training:
         seed = claim.job.seed + _ANOTHER_SEED * sum(DIVERGED in reason for reason in claim.reasons)
         self._trainer.prepare(point, seed)
         kind, _ = self._trainer.key(point)
-        inference_ms = self._book.once(f"inference_ms {kind}", lambda: self._trainer.inference_ms(point))
+        patiently, book = self._book.store.patiently, self._book
+        inference_ms = patiently(
+            lambda: book.once(f"inference_ms {kind}", lambda: self._trainer.inference_ms(point))
+        )
         attributes = {SEED: seed, "inference_ms": inference_ms}
         clock.start()
         try:
@@ -58,7 +61,7 @@ class Training:
             raise Failed(str(error)) from error
         except _Hopeless as end:
             return Done([end.mre, inference_ms], attributes | {PRUNED_AT: end.step})
-        self._keep_pictures(claim, outcome)
+        patiently(lambda: self._keep_pictures(claim, outcome))
         checkpoint = self._checkpoint(claim, point, seed, outcome)
         return Done([outcome.mre, inference_ms], told(outcome) | attributes | {"checkpoint": checkpoint})
 
@@ -68,7 +71,7 @@ class Training:
         search, steps = self._book, self._trainer.budget.steps
 
         def reached(step: int, mre: float) -> None:
-            if search.hopeless(claim, step, mre):
+            if search.store.patiently(lambda: search.hopeless(claim, step, mre)):
                 raise _Hopeless(step, mre)
 
         return self._trainer.run(

@@ -11,6 +11,7 @@ from sweep_study import finished
 
 from laesi_tf.errors import InputError
 from sweeps import analysis, effects, findings, ranks, spending, tables
+from sweeps.budget import SCREENING
 from sweeps.grid import FACTORS, OPTIMUM, POINTS, Point
 from sweeps.tables import Row
 
@@ -143,13 +144,20 @@ def test_tables_are_read_as_they_were_written(tmp_path: Path) -> None:
 def test_everything_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     random = np.random.default_rng(0)
     values = [(error(point, random), 2.0) for point in POINTS]
-    finished(str(tmp_path / "study.db"), np.array(values))
+    ledger = finished(str(tmp_path / "study.db"), np.array(values))
+    ledger.agree("budget", SCREENING.told())
     out = tmp_path / "results"
     arguments = ["--storage", str(tmp_path / "study.db"), "--out", str(out), "--replays", "1"]
     analysis.main([*arguments, "--json", str(tmp_path / "figures.json")])
     page = (out / analysis.PAGE).read_text()
     assert capsys.readouterr().out.strip() == page.strip()
-    for text in ("1425 points, one seed", "| optimizer | sgd | +", "comes", "## Searching"):
+    for text in (
+        "- screening: 40 steps of 32",
+        "1425 points, one seed",
+        "| optimizer | sgd | +",
+        "comes",
+        "## Searching",
+    ):
         assert text in page
     names = {path.name for path in out.iterdir()}
     assert names >= {"screening.csv", "main_effects.csv", "interactions.csv", "main_effects.png"}
