@@ -29,9 +29,9 @@ by what it rises between the points where it touches, of which no photo tells.""
 _FOCAL = 0.75
 """Focal length of a phone's main camera in units of its picture's longer side: 26-27 mm on film 36 mm
 wide."""
-_SCALE_FLOOR = 0.0008
+_SCALE_FLOOR = 0.0011
 """Relative standard deviation of the scale that stays with the clearest ruling."""
-_GUESSED = 0.09
+_GUESSED = 0.055
 """Relative standard deviation of the area model: two thirds of semi-real photographs are within it."""
 
 

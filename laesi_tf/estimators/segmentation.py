@@ -23,8 +23,9 @@ _LEAST_PX = 50.0
 """Photo pixels of which nothing can be told."""
 _SLENDER, _STRAIGHT = 0.2, 0.8
 """Width over length of a rod at most, and the share of its box that it fills at least."""
-_DOUBT, _MARGIN_PX = 0.57, 0.115
-"""Standard deviation of a silhouette's area in units of its doubtful pixels: measured on fresh scenes."""
+_DOUBT, _MARGIN_PX = 0.8, 0.16
+"""Standard deviations of a silhouette's area, in doubtful pixels and in pixels of its margin: two thirds of
+semi-real photographs, whose leaves lie flat, are within what they and `reading._SCALE_FLOOR` give."""
 
 
 @dataclass(frozen=True, eq=False)
