@@ -59,7 +59,9 @@ def export(storage: str, out: Path, studies: dict[str, str]) -> None:
     for table, study in studies.items():
         if study in there:
             loaded = optuna.load_study(study_name=study, storage=store.storage)
-            tables.write(out / f"{table}.csv", loaded.get_trials(deepcopy=False))
+            trials = loaded.get_trials(deepcopy=False)
+            tables.write(out / f"{table}.csv", trials)
+            tables.write_failures(out / f"{table}_failures.csv", trials)
             write_json(out / f"{table}.json", loaded.user_attrs)
 
 

@@ -65,17 +65,22 @@ def orphaned() -> bool:
     return parent is not None and not parent.is_alive()
 
 
-def end_on_sigterm() -> None:
-    """Let SIGTERM end this process as Ctrl-C does, with time to hand back what it holds."""
+def obey() -> None:
+    """Let SIGTERM end this worker as Ctrl-C does, with time to hand back what it holds.
+
+    Ctrl-C itself goes to all processes of a terminal: the supervisor passes it on, so that it comes once.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 @contextmanager
 def _ended(crew: list[BaseProcess]) -> Iterator[None]:
-    end_on_sigterm()
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     finally:
+        signal.signal(signal.SIGTERM, before)
         for member in crew:
             if member.exitcode is None:
                 member.terminate()

@@ -13,7 +13,7 @@ from sweeps.worker import work
 
 def employ(orders: Orders) -> None:
     """Work at the study until nothing is left or the supervisor is gone; ends as a command does."""
-    crew.end_on_sigterm()
+    crew.obey()
     run(lambda _: _work(orders))
 
 

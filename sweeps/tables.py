@@ -10,7 +10,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from laesi_tf.errors import InputError
 from laesi_tf.files import write_csv
-from sweeps.book import SEED
+from sweeps.book import JOB, REASON, SEED
 from sweeps.grid import FACTORS, POINTS, Point
 from sweeps.search import PRUNED_AT
 
@@ -36,6 +36,14 @@ def write(path: Path, trials: Iterable[FrozenTrial]) -> int:
     in_order = sorted(ended, key=lambda trial: trial.datetime_complete or trial.number)
     write_csv(path, _HEADER, [_cells(trial) for trial in in_order])
     return len(in_order)
+
+
+def write_failures(path: Path, trials: Iterable[FrozenTrial]) -> int:
+    """Write the failed attempts among a study's `trials` with their reasons; how many."""
+    failed = [trial for trial in trials if trial.state is TrialState.FAIL]
+    rows = [[trial.user_attrs[JOB], trial.user_attrs[SEED], trial.user_attrs.get(REASON)] for trial in failed]
+    write_csv(path, [JOB, SEED, REASON], rows)
+    return len(rows)
 
 
 def read(path: Path) -> list[Row]:

@@ -68,7 +68,7 @@ def _misbehave(kind: str, clock: Clock) -> None:
 
 def target(storage: str, log: str) -> None:
     """Work until the study is done."""
-    crew.end_on_sigterm()
+    crew.obey()
     work(
         ledger(storage),
         lambda claim, clock: objective(Path(log), claim, clock),

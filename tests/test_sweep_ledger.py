@@ -140,14 +140,15 @@ def test_a_job_queued_twice_is_done_once(storage: str) -> None:
     assert reasons(ledger, 0) == ["queued twice"] and ledger.standings()["0000"].held_against == 0
 
 
-def test_ctrl_c_hands_the_trial_back_at_no_cost(storage: str, log: Path) -> None:
+def test_a_worker_asked_to_end_hands_its_trial_back_at_no_cost(storage: str, log: Path) -> None:
     ledger = fake.ledger(storage)
     ledger.fill([fake.job(0, "long")])
     worker = started(storage, log)
     while not log.exists():
         assert worker.poll() is None
         time.sleep(0.02)
-    worker.send_signal(signal.SIGINT)
+    worker.send_signal(signal.SIGINT)  # Ctrl-C, which goes to all: the supervisor's SIGTERM follows
+    worker.send_signal(signal.SIGTERM)
     assert worker.wait(30) != 0
     standing = ledger.standings()["0000"]
     assert standing.waiting and standing.held_against == 0
