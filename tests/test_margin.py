@@ -96,3 +96,16 @@ def test_nothing_or_everything_is_leaf(probability: float) -> None:
     image = np.full((50, 60, 3), 128, np.uint8)
     found = silhouette(image, np.full((50, 60), probability, np.float32), 2.0)
     assert (found.mask == (probability == 1.0)).all()
+
+
+@pytest.mark.parametrize("shine", [(205, 212, 200), (150, 190, 140)])
+def test_what_shines_on_a_leaf_is_no_hole_and_a_hole_is(shine: tuple[int, int, int]) -> None:
+    blade = serrated()
+    rows, columns = np.mgrid[:SIDE, :SIDE]
+    hole, glossy = ((np.hypot(rows - 200, columns - x) < 26) for x in (200, 290))
+    leaf = blade & ~hole
+    image = picture(leaf, shadow=0.3)
+    image[glossy] = np.array(shine) + np.random.default_rng(1).normal(0, 2, (glossy.sum(), 1))
+    found = silhouette(image, coarse(leaf & ~glossy), COARSE).mask
+    assert found[glossy].mean() > 0.99
+    assert found[hole].mean() < 0.1

@@ -34,6 +34,9 @@ _COLOUR_MOST, _NETWORK_MOST, _NETWORK_WEIGHT = 6.0, 3.0, 0.7
 _REACH, _THICKEST, _LEAF_COLOURED = 0.3, 0.16, 3.5
 """Petioles: how far they are followed, in lengths of the leaf; their width at most, in units of its size; the
 log-odds of their colour."""
+_RULED, _GREENER, _BRIGHTER = 1 / 3, 1.12, 1.3
+"""Holes: how much their colours vary at least, how much greener and how much brighter they are at most,
+against the paper beside the leaf."""
 _SPUR = 0.3
 """What sticks out of the network's outline and is thinner than twice this, in its pixels, is ink."""
 _FEWEST, _ENOUGH = 30, 16000
@@ -57,10 +60,11 @@ def silhouette(
     One pixel of the network is `coarseness` pixels of the image. `others`, bool [h, w], are neither this leaf
     nor its paper.
     """
-    odds = _colour_odds(image, probability, coarseness, others)
+    seen = _colours(image, probability, coarseness, others)
     core = probability >= 0.5
-    if odds is None:
+    if seen is None:
         return Silhouette(core, _doubt(_logit(probability)))
+    odds = seen.odds
     total = odds + np.clip(_NETWORK_WEIGHT * _logit(probability), -_NETWORK_MOST, _NETWORK_MOST)
     depth, distance = _distance(core), _distance(~core)
     total[depth > _BAND * coarseness] = _COLOUR_MOST
@@ -68,14 +72,24 @@ def silhouette(
     leaf = total > 0
     if others is not None:
         leaf &= ~others
-    mask = _with_petiole(leaf, core, odds, distance, coarseness)
+    mask = _without_gloss(_with_petiole(leaf, core, odds, distance, coarseness), image, seen)
     return Silhouette(mask if mask.any() else core, _doubt(total))
 
 
-def _colour_odds(
+@dataclass(frozen=True, eq=False)
+class _Colours:
+    """What colours tell: the log-odds `odds`, float32 [h, w], that a pixel is leaf, and the mean and standard
+    deviation [3] of the `paper` beside it."""
+
+    odds: np.ndarray
+    paper: np.ndarray
+    spread: np.ndarray
+
+
+def _colours(
     image: np.ndarray, probability: np.ndarray, coarseness: float, others: np.ndarray | None
-) -> np.ndarray | None:
-    """Log-odds, float32 [h, w], that a pixel is leaf by its colour; None with too little of leaf or paper."""
+) -> _Colours | None:
+    """The colours of leaf and paper; None with too little of either."""
     stride = max(1, int(coarseness // 2))
     every = (slice(stride // 2, None, stride),) * 2
     colours, unit = image[every].astype(np.float32), coarseness / stride
@@ -94,7 +108,8 @@ def _colour_odds(
     full = image.shape[1::-1]
     score = cv2.transform(image.astype(np.float32), direction[np.newaxis])
     odds = (score - cv2.resize(middle, full)) * cv2.resize(slope, full)
-    return np.clip(odds, -_COLOUR_MOST, _COLOUR_MOST)
+    beside = colours[near]
+    return _Colours(np.clip(odds, -_COLOUR_MOST, _COLOUR_MOST), beside.mean(axis=0), beside.std(axis=0))
 
 
 def _samples(
@@ -147,6 +162,28 @@ def _with_petiole(
     mine = np.bincount(labels[core & mask], minlength=2)
     mine[0] = 0
     return (labels == mine.argmax()) & mask
+
+
+def _without_gloss(mask: np.ndarray, image: np.ndarray, seen: _Colours) -> np.ndarray:
+    """`mask` with those of its holes closed that do not show the paper: a leaf that shines is pale, too."""
+    count, labels, statistics, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=4)
+    closed = mask.copy()
+    for label in range(1, count):
+        left, top, width, height, _ = statistics[label]
+        box = slice(top, top + height), slice(left, left + width)
+        inside = labels[box] == label
+        at_border = left == 0 or top == 0 or left + width == mask.shape[1] or top + height == mask.shape[0]
+        if not at_border and not _shows_paper(image[box][inside].astype(np.float32), seen):
+            closed[box] |= inside
+    return closed
+
+
+def _shows_paper(colours: np.ndarray, seen: _Colours) -> bool:
+    """Whether `colours` [n, 3] are the paper's: in shade perhaps, but neither greener nor far brighter, and
+    ruled like it."""
+    red, green, blue = colours.mean(axis=0) / np.maximum(seen.paper, 1)
+    ruled = colours.std(axis=0).mean() >= _RULED * seen.spread.mean()
+    return bool(ruled and green <= _GREENER * np.sqrt(red * blue) and green <= _BRIGHTER)
 
 
 def _petiole(beyond: np.ndarray, distance: np.ndarray, reach: float, core: np.ndarray) -> np.ndarray:
