@@ -30,14 +30,16 @@ def main(arguments: Sequence[str]) -> None:
     options = command.parse_args(arguments)
     if options.json is not None:
         require_writable(options.json)
-    address = options.join or f"{options.host}:{options.port}"
     # Held by name: a server stops when nothing refers to it.
-    servers = [] if options.join else [_dispatcher(options.port)]
-    servers.append(_worker(address, options.host))
+    dispatcher = None if options.join else _dispatcher(options.port)
+    port = options.port if dispatcher is None else dispatcher.target.rpartition(":")[2]
+    address = options.join or f"{options.host}:{port}"
+    worker = _worker(address, options.host)
     if options.json is not None:
         write_json(options.json, {"data_service": address})
     print(f"serving: python -m laesi_tf.train --data-service {address}", flush=True)
     _until_stopped()
+    del worker, dispatcher
 
 
 def _dispatcher(port: int) -> tf.data.experimental.service.DispatchServer:

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import signal
 import socket
 import subprocess
 import sys
@@ -52,7 +51,7 @@ def test_batches_are_put_in_order_and_gaps_filled(case: tuple[list[int], int]) -
     found = list(service.in_order(arriving, first, fill))
     assert found == [f"batch {number}" for number in range(first, first + len(found))]
     assert set(filled) == set(range(first, first + len(found))) - set(numbers)
-    assert len(found) >= numbers[-1] - first - service._PATIENCE
+    assert len(found) == numbers[-1] + 1 - first
 
 
 @pytest.fixture(scope="module")
@@ -78,15 +77,13 @@ def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, li
         process.wait()
 
 
-def test_a_worker_may_die_and_the_stream_stays_the_same(machines) -> None:
-    address, processes = machines
+def test_the_stream_is_that_of_one_machine(machines) -> None:
+    address, _ = machines
     here = _training(CONFIG, "")(8)
     there = _training(CONFIG, address)(8)
-    for number, (expected, found) in enumerate(itertools.islice(zip(here, there, strict=False), 90)):
+    for expected, found in itertools.islice(zip(here, there, strict=False), 40):
         for one, other in zip(tf.nest.flatten(expected), tf.nest.flatten(found), strict=True):
             np.testing.assert_array_equal(one, other)
-        if number == 10:
-            processes[1].kill()
 
 
 def test_where_nobody_serves_is_said_at_once(tmp_path: Path) -> None:
@@ -103,12 +100,3 @@ def test_a_mixture_is_not_made_elsewhere(tmp_path: Path) -> None:
     mixture.write_text('[only]\nkind = "live"\nweight = 1.0\n')
     with pytest.raises(InputError, match="--data-service or --mixture"):
         fit(replace(CONFIG, mixture=str(mixture)), tmp_path / "run", data_service="localhost:1", show=False)
-
-
-def test_serving_ends_when_told_to() -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "laesi_tf.serve", "--port", "0"], stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None and "--data-service" in process.stdout.readline()
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(timeout=60) == 0

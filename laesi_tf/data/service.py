@@ -52,10 +52,8 @@ def in_order(
     waiting: dict[int, Batch] = {}
     for number, batch in arriving:
         waiting[number] = batch
-        if first not in waiting and len(waiting) > _PATIENCE:
-            waiting[first] = fill(first)
-        while first in waiting:
-            yield waiting.pop(first)
+        while first in waiting or len(waiting) > _PATIENCE:
+            yield waiting.pop(first) if first in waiting else fill(first)
             first += 1
 
 

@@ -119,5 +119,5 @@ def _load_every(base: keras.Model, path: Path) -> bool:
 def _misfit(path: Path, name: str) -> str:
     return (
         f"{path} does not hold weights of {name} (include_top=False); save them with "
-        "model.save_weights, or name the network that they belong to"
+        "model.save_weights, or name the network and its --alpha that they belong to"
     )
