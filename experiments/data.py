@@ -1,6 +1,5 @@
 """What the networks of a row are trained on and what all are measured on."""
 
-import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from laesi_tf.data.photos import Photo, read_manifest
 from laesi_tf.data.real import held
 from laesi_tf.data.records import Contents
 from laesi_tf.errors import InputError
-from laesi_tf.files import write_text
+from laesi_tf.files import digest, write_text
 from laesi_tf.generate import generate
 from laesi_tf.synthesis import load_ranges
 from laesi_tf.synthesis.editing import as_toml
@@ -43,7 +42,7 @@ class Photos:
     @property
     def digest(self) -> str:
         """Tells this manifest from another."""
-        return hashlib.sha256(self.manifest.read_bytes()).hexdigest()[:16]
+        return digest(self.manifest)
 
     @property
     def masked(self) -> bool:

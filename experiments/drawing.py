@@ -2,14 +2,12 @@
 
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.results import Line
 from experiments.rows import scaled
-from laesi_tf.files import whole
 
 _COLOURS = {
     "real_baseline": "0.4",
@@ -83,9 +81,3 @@ def _curve(axes: Axes, lines: Sequence[Line], colour: str, scale: float) -> None
         axes.errorbar(counts, means, deviations, color=colour, marker="o", capsize=3, label=title)
     if papers:
         axes.plot(*zip(*papers, strict=True), "o", color=colour, fillstyle="none", label=f"{title}, paper")
-
-
-def write(path: Path, figure: Figure) -> None:
-    """Write a figure as PNG, whole or not at all."""
-    with whole(path) as temporary:
-        figure.savefig(temporary, dpi=130)

@@ -6,13 +6,14 @@ shows what comes of it.
 """
 
 import argparse
+import functools
 import logging
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import parser, positive, run
+from laesi_tf.cli import above_zero, parser, positive, run
 
 # isort: split
 import tensorflow as tf
@@ -102,7 +103,7 @@ def _parser() -> argparse.ArgumentParser:
     made.add_argument("--seeds", type=positive, default=3, metavar="N", help="repetitions of each experiment")
     made.add_argument(
         "--scale",
-        type=_scale,
+        type=functools.partial(above_zero, most=1.0, what="share"),
         default=1.0,
         metavar="SHARE",
         help="share of the pictures and steps, on smaller pictures: a shortened version, and marked as such",
@@ -117,16 +118,6 @@ def _parser() -> argparse.ArgumentParser:
         help="folder of data sets: scenes are made in it, inpainted records are looked for in it",
     )
     return made
-
-
-def _scale(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a share above 0 and up to 1")
-    return value
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from experiments import drawing
 from experiments.results import Cell, Line, collect, read_settings, shown
 from experiments.rows import FIGURES, load_rows, scaled
 from experiments.run import OUT
-from laesi_tf.files import require_writable, write_csv, write_json, write_text
+from laesi_tf.files import require_writable, write_csv, write_figure, write_json, write_text
 
 CAPTION = "The photographs are not the paper's, which are private."
 _HEADS = {
@@ -44,8 +44,8 @@ def main(arguments: Sequence[str]) -> None:
     write_text(out / "table.md", text)
     write_csv(out / "table.csv", *_numbers(told, settings))
     drawn = [cells(line, settings) for line in told]
-    drawing.write(out / "table.png", drawing.table(header(), drawn, above, below))
-    drawing.write(out / "sizes.png", drawing.sizes(lines, above, settings["scale"]))
+    write_figure(out / "table.png", drawing.table(header(), drawn, above, below), dpi=130)
+    write_figure(out / "sizes.png", drawing.sizes(lines, above, settings["scale"]), dpi=130)
     if options.json is not None:
         write_json(options.json, {"notes": [*above, *below], "rows": _records(told, settings)})
     print(text)

@@ -5,6 +5,7 @@ Commands import this before anything that imports TensorFlow: it brings TensorFl
 
 import argparse
 import contextlib
+import math
 import os
 import sys
 import warnings
@@ -104,6 +105,18 @@ def positive(text: str) -> int:
     if not text.isdigit() or not int(text):
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 up")
     return int(text)
+
+
+def above_zero(text: str, *, most: float = math.inf, what: str = "number") -> float:
+    """Parse a number above 0 and up to `most`, as an argument's type; a user knows it as `what`."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not (0.0 < value <= most and math.isfinite(value)):
+        bound = "" if math.isinf(most) else f" and up to {most:g}"
+        raise argparse.ArgumentTypeError(f"{text!r} is not a {what} above 0{bound}")
+    return value
 
 
 def size(text: str) -> tuple[int, int]:

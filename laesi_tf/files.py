@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import hashlib
 import json
 import math
 import os
@@ -75,6 +76,17 @@ def read_json(path: Path | str) -> Any:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     except ValueError as error:
         raise InputError(f"{path} is broken ({error}); delete it and make it again") from None
+
+
+def write_figure(path: Path | str, figure: Any, *, dpi: int = 110) -> None:
+    """Write a Matplotlib `figure` as PNG, whole or not at all."""
+    with whole(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=dpi)
+
+
+def digest(path: Path | str) -> str:
+    """The first 16 digits of a file's SHA-256, which tell it from others of its name."""
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
 def write_csv(path: Path | str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from laesi_tf.errors import InputError
-from laesi_tf.files import whole
+from laesi_tf.files import write_figure
 
 _COLOURS = {"a": "tab:green", "b": "tab:orange"}
 _NEIGHBOURS = 15
@@ -41,7 +41,7 @@ def chart_violins(path: Path, scores: Mapping[str, np.ndarray], *, title: str) -
     axes.set_xticks(range(1, len(scores) + 1), list(scores))
     axes.set_ylabel("cosine to the nearest picture")
     axes.set_title(title, fontsize=8)
-    _save(figure, path)
+    write_figure(path, figure)
 
 
 def chart_umap(path: Path, features: Mapping[str, np.ndarray], *, title: str) -> None:
@@ -70,9 +70,4 @@ def chart_umap(path: Path, features: Mapping[str, np.ndarray], *, title: str) ->
     axes.set_xticks([])
     axes.set_yticks([])
     axes.set_title(title, fontsize=8)
-    _save(figure, path)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    with whole(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+    write_figure(path, figure)

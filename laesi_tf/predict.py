@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from laesi_tf.cli import add_models, parser, progress, run
+from laesi_tf.cli import above_zero, add_models, parser, progress, run
 from laesi_tf.data.ahead import read_ahead
 from laesi_tf.data.decoding import SUFFIXES, decode
 from laesi_tf.errors import InputError
@@ -96,12 +96,12 @@ def _parser() -> argparse.ArgumentParser:
     add_models(made)
     made.add_argument(
         "--px-per-mm",
-        type=_scale,
+        type=above_zero,
         metavar="N",
         help="scale of all photos in pixels per mm, for a mask model alone",
     )
     made.add_argument(
-        "--grid-mm", type=_scale, default=1.0, metavar="MM", help="distance of the paper's finest lines"
+        "--grid-mm", type=above_zero, default=1.0, metavar="MM", help="distance of the paper's finest lines"
     )
     made.add_argument(
         "--out",
@@ -111,16 +111,6 @@ def _parser() -> argparse.ArgumentParser:
         help="folder for areas.csv and overlays",
     )
     return made
-
-
-def _scale(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
-    return value
 
 
 def _photos(arguments: Sequence[Path]) -> Iterator[Path]:

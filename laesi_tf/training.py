@@ -330,7 +330,7 @@ def _training(config: TrainConfig, data_service: str) -> Stream:
             mixed = mixture.mix(sources, seed=config.seed, start=start)
             examples = _examples(mixed.enumerate(start), config)
         else:
-            examples = live(tf.data.Dataset.range(start, service.LAST_PLACE))
+            examples = live(tf.data.Dataset.range(start, synthetic.TRAIN[1]))
         return examples.map(lambda _, example: example).batch(batch_size).prefetch(2)
 
     return stream
@@ -338,6 +338,7 @@ def _training(config: TrainConfig, data_service: str) -> Stream:
 
 def _examples(numbered: tf.data.Dataset, config: TrainConfig) -> tf.data.Dataset:
     """(place, (image, target)) of a stream of (place, picture), augmented as `config` says."""
+    task_name = cast(synthetic.Task, config.task)
     switched = augment.switches(augment.augmentations(config.augment))
 
     def augmented(place: tf.Tensor, picture: augment.Picture) -> tuple[tf.Tensor, augment.Picture]:
@@ -345,7 +346,7 @@ def _examples(numbered: tf.data.Dataset, config: TrainConfig) -> tf.data.Dataset
 
     if switched.any():
         numbered = numbered.map(augmented, num_parallel_calls=tf.data.AUTOTUNE)
-    return numbered.map(lambda place, picture: (place, _example(picture, config)))
+    return numbered.map(lambda place, picture: (place, synthetic.example(picture, task_name)))
 
 
 def _sources(config: TrainConfig) -> list[mixture.Source]:
@@ -357,7 +358,9 @@ def _sources(config: TrainConfig) -> list[mixture.Source]:
 
 def _synthetic_validation(config: TrainConfig) -> Batches:
     # One seed for all runs: their scores compare. The range of indices keeps it apart from training.
-    scenes = synthetic.pictures(
+    return synthetic.batches(
+        task=cast(synthetic.Task, config.task),
+        batch_size=config.batch_size,
         seed=_VALIDATION_SEED,
         size=config.size,
         ranges=config.ranges,
@@ -366,8 +369,3 @@ def _synthetic_validation(config: TrainConfig) -> Batches:
         passes=1,
         textures=load_textures(config.textures) if config.textures else None,
     )
-    return scenes.map(lambda scene: _example(scene, config)).batch(config.batch_size)
-
-
-def _example(picture: augment.Picture, config: TrainConfig) -> tuple[tf.Tensor, tf.Tensor]:
-    return picture["image"], synthetic.target(picture, cast(synthetic.Task, config.task))

@@ -5,7 +5,6 @@ are such studies finalists.csv and search.csv. Without, the CSV files that are t
 """
 
 import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ import numpy as np
 import optuna
 
 from laesi_tf.errors import InputError
-from laesi_tf.files import require_writable, write_csv, write_json, write_text
+from laesi_tf.files import read_json, require_writable, write_csv, write_json, write_text
 from sweeps import charts, effects, findings, ranks, spending, tables
 from sweeps.store import Rules, Store
 from sweeps.tables import Row
@@ -121,7 +120,7 @@ def _table(out: Path, name: str) -> list[Row]:
 def _budget(out: Path, name: str) -> dict[str, Any]:
     """What a trial of a study could spend, as it was exported; empty where it was not."""
     path = out / f"{name}.json"
-    return json.loads(path.read_text(encoding="utf-8")).get("budget", {}) if path.is_file() else {}
+    return read_json(path).get("budget", {}) if path.is_file() else {}
 
 
 def _options() -> argparse.ArgumentParser:

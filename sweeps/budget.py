@@ -2,7 +2,6 @@
 
 import argparse
 import dataclasses
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from laesi_tf.cli import positive
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
+from laesi_tf.files import digest
 from laesi_tf.models.backbone import FROM_SCRATCH
 from sweeps.grid import FINAL_LEARNING_RATE, LEARNING_RATE, Point
 
@@ -114,4 +114,4 @@ def _origin(weights: str) -> str:
     path = Path(weights)
     if not path.is_file():
         raise InputError(f"no weights file {path}; pass imagenet, none or the path of a .weights.h5 file")
-    return f"{path.name}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
+    return f"{path.name}, sha256 {digest(path)}"

@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from laesi_tf.files import whole
+from laesi_tf.files import write_figure
 from sweeps.effects import Effect
 from sweeps.grid import FACTORS, OPTIMUM, POINTS
 from sweeps.ranks import Final
@@ -31,7 +31,7 @@ def main_effects(path: Path, effects: Sequence[Effect]) -> None:
         axes.set_ylim(-0.6, len(shown) - 0.4)
         axes.set_title(factor, fontsize=10, loc="left")
     panels[-1].set_xlabel("MRE against the average of the factor's levels, % (lower is better)")
-    _save(path, figure)
+    write_figure(path, figure)
 
 
 def interactions(path: Path, pairs: Sequence[Effect], factors: Sequence[str]) -> None:
@@ -53,7 +53,7 @@ def interactions(path: Path, pairs: Sequence[Effect], factors: Sequence[str]) ->
         axes.set_yticks(range(len(rows)), rows, fontsize=8)
         axes.set_title(f"{factor}: %, numbers where told apart from 0", fontsize=10, loc="left")
         figure.colorbar(image, ax=axes)
-    _save(path, figure)
+    write_figure(path, figure)
 
 
 def parallel(path: Path, rows: Sequence[Row]) -> None:
@@ -83,7 +83,7 @@ def parallel(path: Path, rows: Sequence[Row]) -> None:
     shown = np.exp([errors.min(), errors.max()])
     axes.set_xticks(range(len(FACTORS) + 1), [*FACTORS, f"MRE, {shown[0]:.0f} to {shown[1]:.0f} %"])
     axes.set_yticks([])
-    _save(path, figure)
+    write_figure(path, figure)
 
 
 def ranks(path: Path, found: Sequence[Final]) -> None:
@@ -103,7 +103,7 @@ def ranks(path: Path, found: Sequence[Final]) -> None:
         )
     axes.set(xlabel="MRE in the screening, %", ylabel="MRE at the larger budget, mean over seeds, %")
     axes.set_title("red: the paper's optimum", fontsize=9, loc="left")
-    _save(path, figure)
+    write_figure(path, figure)
 
 
 def spending(
@@ -135,12 +135,4 @@ def spending(
         )
     axes.set(xscale="log", xlabel="trials; with pruning, steps in units of a trial", ylabel="lowest MRE, %")
     axes.legend()
-    _save(path, figure)
-
-
-def _save(path: Path, figure: Figure) -> None:
-    with (
-        whole(path) as temporary,
-        matplotlib.rc_context({"axes.spines.top": False, "axes.spines.right": False}),
-    ):
-        figure.savefig(temporary, dpi=110)
+    write_figure(path, figure)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis import COMPONENTS, Ranges, load_ranges
+from laesi_tf.synthesis import COMPONENTS, Ranges, load_ranges, raster
 from laesi_tf.synthesis.ranges import Chance, numbers
 
 ROOMS = ("paper", "surface", "light", "props", "camera", "desk")
@@ -54,3 +54,8 @@ def specs(ranges: Ranges) -> Iterator[tuple[str, str, Any]]:
 def difference(one: tf.Tensor, other: tf.Tensor) -> np.ndarray:
     """Largest difference over the channels [H, W] of two images uint8 [H, W, 3]."""
     return np.abs(one.numpy().astype(int) - other.numpy().astype(int)).max(axis=-1)
+
+
+def filled(edges: tf.Tensor, size: tuple[int, int]) -> tf.Tensor:
+    """Coverage [H, W] by the closed loops whose `edges` are [n, 2 ends, 2]."""
+    return raster.accumulated(raster.summed(raster.deposits(edges, size), size), size)[0]

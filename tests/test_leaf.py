@@ -40,6 +40,14 @@ def drawn(kind: str, index: int) -> Leaf:
     return draw(room, tf.constant(uniform))
 
 
+def outline_of(leaf: Leaf, key: Key) -> tf.Tensor:
+    return leaves.outline(leaves.ring(leaf, key))
+
+
+def holes_of(leaf: Leaf, key: Key) -> tf.Tensor:
+    return leaves.holes(leaf, leaves.hole_places(key))
+
+
 @settings(max_examples=20, deadline=None)
 @given(a=st.floats(1, 80), b=st.floats(1, 80))
 def test_ellipse(a: float, b: float) -> None:
@@ -72,7 +80,7 @@ def test_half_width_is_one_where_the_leaf_is_widest_and_zero_at_its_ends() -> No
 @pytest.mark.parametrize("kind", KINDS)
 def test_outlines_of_every_kind(kind: str) -> None:
     for index in range(3):
-        outline = leaves.outline(drawn(kind, index), Key(0, index)).numpy()
+        outline = outline_of(drawn(kind, index), Key(0, index)).numpy()
         assert outline.shape == (leaves.OUTLINE_POINTS, 2) and np.isfinite(outline).all()
         gaps = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
         # Even along the curve, so a chord is at most its arc and shorter where the curve turns.
@@ -85,7 +93,7 @@ def test_outlines_of_every_kind(kind: str) -> None:
 def test_holes_lie_within_the_leaf_and_apart(kind: str) -> None:
     for index in range(4):
         leaf = middle(KINDS[kind][1], holed=True, bitten=True)
-        outline, holes = leaves.outline(leaf, Key(1, index)), leaves.holes(leaf, Key(1, index))
+        outline, holes = outline_of(leaf, Key(1, index)), holes_of(leaf, Key(1, index))
         areas = raster.area(holes).numpy()
         present = [hole for hole, area in zip(holes.numpy(), areas, strict=True) if abs(area) > 0]
         contour = outline.numpy()[:, None]
@@ -98,14 +106,14 @@ def test_holes_lie_within_the_leaf_and_apart(kind: str) -> None:
 
 def test_holes_come_and_go_with_the_number() -> None:
     whole = middle(Leaf(), holed=False)
-    assert not raster.area(leaves.holes(whole, Key(0, 0))).numpy().any()
+    assert not raster.area(holes_of(whole, Key(0, 0))).numpy().any()
     holed = middle(Leaf(), holed=True)
-    assert any(raster.area(leaves.holes(holed, Key(0, index))).numpy().any() for index in range(4))
+    assert any(raster.area(holes_of(holed, Key(0, index))).numpy().any() for index in range(4))
 
 
 def test_bites_take_area_and_leave_the_rest() -> None:
     bitten, spared = (
-        [leaves.outline(middle(Leaf(), bitten=b), Key(0, index)) for index in range(6)] for b in (True, False)
+        [outline_of(middle(Leaf(), bitten=b), Key(0, index)) for index in range(6)] for b in (True, False)
     )
     lost = [float(abs(raster.area(s)) - abs(raster.area(b))) for s, b in zip(spared, bitten, strict=True)]
     assert min(lost) >= -1 and max(lost) > 20
@@ -128,7 +136,7 @@ def test_midrib_is_the_integral_of_its_heading(bend: float, change: float, petio
 def test_numbers_shape_the_leaf() -> None:
     def box(**given: float) -> np.ndarray:
         plain = {"angle": 0.0, "bend": 0.0, "petiole": 0.0, "cordate": 0.0, "length_mm": 80.0} | given
-        return np.ptp(leaves.outline(middle(Leaf(), **plain), Key(0, 0)).numpy(), axis=0)
+        return np.ptp(outline_of(middle(Leaf(), **plain), Key(0, 0)).numpy(), axis=0)
 
     assert box()[0] == pytest.approx(80, rel=0.02)
     assert box(length_mm=120.0)[0] == pytest.approx(120, rel=0.02)
@@ -138,7 +146,7 @@ def test_numbers_shape_the_leaf() -> None:
 
 
 def test_left_and_right_differ() -> None:
-    outline = leaves.outline(middle(Leaf(), bend=0.0, bitten=False), Key(0, 0)).numpy()
+    outline = outline_of(middle(Leaf(), bend=0.0, bitten=False), Key(0, 0)).numpy()
     half = leaves.OUTLINE_POINTS // 2
     left, right = outline[:half], outline[half:][::-1]
     assert 0.05 < np.abs(left[:, 1] + right[:, 1]).max() < 5

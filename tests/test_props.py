@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tensorflow as tf
-from scenes import RENDERING_2, middle
+from scenes import RENDERING_2, filled, middle
 
-from laesi_tf.synthesis import load_ranges, raster, sample
+from laesi_tf.synthesis import load_ranges, sample
 from laesi_tf.synthesis.editing import every_component
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.props import PROPS, Props, Stage, place, scatter, scribble
@@ -26,7 +26,7 @@ def staged(index: int) -> tuple[Scene, Stage, np.ndarray]:
     """A scene, its stage, and where [H, W] its leaf is."""
     scene = sample(4, index, RANGES)
     around = geometry(scene, SIZE)
-    cover = raster.fill(leaf_edges(around, SIZE), SIZE)
+    cover = filled(leaf_edges(around, SIZE), SIZE)
     return scene, Stage(leaf=around.outline, view=around.view, size=SIZE), np.abs(cover.numpy()) > 0.01
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scenes
 import tensorflow as tf
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -34,13 +35,14 @@ def filled(*polygons: np.ndarray, size: tuple[int, int] = (96, 128), pieces: int
         tf.reshape(raster.segments(raster.subdivide(tf.constant(points), pieces)), [-1, 2, 2])
         for points in polygons
     ]
-    return raster.fill(tf.concat(edges, axis=0), size).numpy()
+    return scenes.filled(tf.concat(edges, axis=0), size).numpy()
 
 
 @FAST
 @given(dx=OFFSETS, dy=OFFSETS, a=st.floats(0.4, 40), b=st.floats(0.4, 40))
 def test_ellipse(dx: float, dy: float, a: float, b: float) -> None:
-    cover = np.abs(filled(ellipse((60 + dx, 46 + dy), (a, b))))
+    # Its edges are short as they are; cut further, those of a tiny ellipse drown in float32's rounding.
+    cover = np.abs(filled(ellipse((60 + dx, 46 + dy), (a, b)), pieces=1))
     assert cover.sum() == pytest.approx(math.pi * a * b, rel=1e-4, abs=1e-3)
 
 
@@ -89,7 +91,7 @@ def test_what_lies_outside_is_cut_off(x: float, y: float) -> None:
 
 def test_union_of_overlapping_shapes_covers_once() -> None:
     two = np.stack([ellipse((50, 48), (20, 20)), ellipse((62, 48), (20, 20))])
-    cover = raster.union(raster.fill(tf.reshape(raster.segments(two), [-1, 2, 2]), (96, 128))).numpy()
+    cover = raster.union(scenes.filled(tf.reshape(raster.segments(two), [-1, 2, 2]), (96, 128))).numpy()
     lens = 2 * 20**2 * math.acos(12 / 40) - 6 * math.sqrt(4 * 20**2 - 12**2)
     assert cover.max() <= 1 and cover.sum() == pytest.approx(2 * math.pi * 400 - lens, rel=2e-3)
 

@@ -68,7 +68,7 @@ def test_brownian_jitter_makes_paths_wander() -> None:
 
 def test_veins_taper_towards_their_ends() -> None:
     leaf = middle(Leaf())
-    edges = veins.edges(leaf, Key(0, 0), tf.constant(0.0), tf.constant(2.0)).numpy()
+    edges = veins.edges(leaf, veins.commands(Key(0, 0)), tf.constant(0.0), tf.constant(2.0)).numpy()
     main = edges[: 2 * veins.MIDRIB_STEPS, 0]
     left, right = main[: veins.MIDRIB_STEPS], main[veins.MIDRIB_STEPS :][::-1]
     widths = np.linalg.norm(left - right, axis=1)

@@ -7,13 +7,11 @@ import numpy as np
 
 from laesi_tf.data import records
 from laesi_tf.data.ahead import read_ahead
-from laesi_tf.data.decoding import decode
+from laesi_tf.data.decoding import SUFFIXES, decode
 from laesi_tf.data.fitting import fit
 from laesi_tf.data.folders import MANIFEST
 from laesi_tf.data.photos import read_manifest
 from laesi_tf.errors import InputError
-
-SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp"})
 
 
 def load_pictures(

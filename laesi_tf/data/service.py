@@ -12,14 +12,13 @@ from typing import Any
 
 import tensorflow as tf
 
+from laesi_tf.data.synthetic import TRAIN
 from laesi_tf.errors import InputError
 
 Batch = tuple[tf.Tensor, Any]
 Make = Callable[[tf.data.Dataset], tf.data.Dataset]
 """From the places of pictures in a stream, int64 [], to (place, (image, target)), in the same order."""
 
-LAST_PLACE = 2**40
-"""Where streams of pictures end: they are as good as endless."""
 _PATIENCE = 24
 """Batches that may overtake one before it counts as lost: more than workers have in hand between them."""
 _SECONDS = 5.0
@@ -31,7 +30,7 @@ def served(make: Make, address: str, *, batch_size: int, start: int) -> Iterator
     The first picture is `start`, a multiple of `batch_size`. Raises InputError where nobody answers.
     """
     _require_answer(address)
-    blocks = tf.data.Dataset.range(start // batch_size, LAST_PLACE // batch_size)
+    blocks = tf.data.Dataset.range(start // batch_size, TRAIN[1] // batch_size)
     spread = tf.data.experimental.service.distribute(
         processing_mode=tf.data.experimental.service.ShardingPolicy.DYNAMIC,
         service=f"grpc://{address}",

@@ -75,8 +75,12 @@ def batched(stream: tf.data.Dataset, *, task: Task, batch_size: int) -> tf.data.
 
     The target is that of `target`. The last batch of a bounded stream may be smaller.
     """
-    single = stream.map(lambda picture: (picture["image"], target(picture, task)))
-    return single.batch(batch_size).prefetch(2)
+    return stream.map(lambda picture: example(picture, task)).batch(batch_size).prefetch(2)
+
+
+def example(picture: dict[str, tf.Tensor], task: Task) -> tuple[tf.Tensor, tf.Tensor | dict[str, tf.Tensor]]:
+    """What a model of `task` learns from one picture: its image and its `target`."""
+    return picture["image"], target(picture, task)
 
 
 def target(picture: dict[str, tf.Tensor], task: Task) -> tf.Tensor | dict[str, tf.Tensor]:

@@ -3,7 +3,6 @@
 Images are [B, H, W, 3] with values 0..255, uint8 or float; scaling to [-1, 1] is the network's first layer.
 """
 
-import hashlib
 import socket
 import warnings
 from pathlib import Path
@@ -12,6 +11,7 @@ import keras
 import numpy as np
 
 from laesi_tf.errors import InputError
+from laesi_tf.files import digest
 
 # "Minimalistic" has no squeeze-excite, hard-swish or 5x5 kernels: another network with other weights.
 BACKBONES = {
@@ -94,13 +94,13 @@ def from_file(base: keras.Model, path: Path, name: str) -> tuple[keras.Model, st
             f"no weights file {path}; pass auto, imagenet, none or the path of a .weights.h5 file"
         )
     try:
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        told = digest(path)
         fitted = _load_every(base, path)
     except Exception as error:  # whatever h5py, zipfile and Keras throw at a file that is not theirs
         raise InputError(_misfit(path, name)) from error
     if not fitted:
         raise InputError(_misfit(path, name))
-    return base, f"file {path.name}, sha256 {digest[:16]}"
+    return base, f"file {path.name}, sha256 {told}"
 
 
 def _load_every(base: keras.Model, path: Path) -> bool:

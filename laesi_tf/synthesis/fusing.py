@@ -1,9 +1,10 @@
-"""Chains of pixel passes compiled into one loop (XLA), which writes each pixel once.
+"""Pieces of a scene compiled (XLA): many small sums on its numbers, or chains of passes over its pixels.
 
-Op by op, every sum and product of a picture is a pass over memory, some sixty of them; compiled together they
-take a third of the time. What is compiled here is elementwise, with gathers from small tables and neighbours
-of arguments: where a chain shifts what it has computed itself, XLA computes that again for each shift, and
-such chains (cumulative sums, outlines, blurs of blurs) become thousands of times slower.
+Op by op, every sum and product of a picture is a pass over memory, some sixty of them, and what runs the ops
+costs as much again; compiled together they take a third of the time. Each call costs some fifty microseconds,
+so the pieces are few and large. What does not belong in them, as XLA makes it ten to a thousand times slower:
+adding into cells one by one, searching a sorted list, cutting a window out of a constant, and finding the
+places that are looked up in a table in the same piece as looking them up.
 """
 
 import dataclasses

@@ -188,16 +188,16 @@ class Ring(NamedTuple):
     before: tf.Tensor
 
 
-def outline(leaf: Leaf, key: Key) -> tf.Tensor:
+def outline(ring: Ring) -> tf.Tensor:
     """The closed outline in leaf coordinates, petiole included: [OUTLINE_POINTS, 2] mm, evenly spaced.
 
     Runs from the petiole's end along the left side to the tip and back along the right side.
     """
-    return raster.spaced(*ring(leaf, key))
+    return raster.spaced(*ring)
 
 
 def ring(leaf: Leaf, key: Key) -> Ring:
-    """The outline before its points are spaced evenly."""
+    """The `outline` before its points are spaced evenly."""
     normals = key.normal([2, CONTROLS + 2 * _FINE, 2], Purpose.OUTLINE)
     points, travelled = _ring(leaf, normals, key.uniform([2, BITES, 3], Purpose.BITES))
     return Ring(points, travelled, raster.passed(travelled, OUTLINE_POINTS))
@@ -218,23 +218,18 @@ def _ring(leaf: Leaf, normals: tf.Tensor, bites: tf.Tensor) -> tuple[tf.Tensor, 
     return points, raster.lengths(points)
 
 
-def holes(leaf: Leaf, key: Key) -> tf.Tensor:
-    """Outlines of the leaf's holes [HOLES, HOLE_POINTS, 2] mm, turning against `outline`.
-
-    A hole that is absent has radius zero and so no area. Each has its own stretch of the midrib and stays
-    within the middle of the half-blade, so holes never meet each other or the margin. Bitten leaves have
-    none: a bite may reach where a hole would be.
-    """
-    return hole_outlines(leaf, hole_places(key))
-
-
 def hole_places(key: Key) -> tf.Tensor:
     """The numbers [HOLES, 8] in [0, 1) behind `holes`."""
     return key.uniform([HOLES, 8], Purpose.HOLES)
 
 
-def hole_outlines(leaf: Leaf, place: tf.Tensor) -> tf.Tensor:
-    """`holes` from their `hole_places`."""
+def holes(leaf: Leaf, place: tf.Tensor) -> tf.Tensor:
+    """Outlines [HOLES, HOLE_POINTS, 2] mm of the leaf's holes at `hole_places`, turning against `outline`.
+
+    A hole that is absent has radius zero and so no area. Each has its own stretch of the midrib and stays
+    within the middle of the half-blade, so holes never meet each other or the margin. Bitten leaves have
+    none: a bite may reach where a hole would be.
+    """
     along = 0.28 + (tf.range(HOLES, dtype=tf.float32) + 0.2 + 0.6 * place[:, 0]) * (0.44 / HOLES)
     half_width = _half_width(leaf, along) * (1 - leaf.lobe_depth) * 0.5 * leaf.aspect
     side = tf.where(place[:, 1] < 0.5, -1.0, 1.0)

@@ -3,7 +3,7 @@
 Images are [3, H, W] and fields [H, W] in [0, 1]. `parts` names the components that pictures may have.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import tensorflow as tf
 
@@ -19,6 +19,15 @@ from laesi_tf.synthesis.surface import Surface
 Parts = tuple[str, ...]
 Field = Any
 """A tensor, or None where the component is left out."""
+
+
+class Blade(NamedTuple):
+    """What a leaf's fields are made of: sums of what its edges and, where it has them, its veins' leave, the
+    numbers behind its noises, and its photographed texture."""
+
+    edge_heights: list[tf.Tensor]
+    drawn: surface.Lattices
+    texture: Field
 
 
 @fused
@@ -81,47 +90,30 @@ def page(
 
 @fused
 def with_leaf(
-    image: tf.Tensor,
-    edge_heights: list[tf.Tensor],
-    skin: Surface,
-    drawn: surface.Lattices,
-    texture: Field,
-    lit: Light,
-    px_per_mm: tf.Tensor,
-    parts: Parts,
+    image: tf.Tensor, blade: Blade, skin: Surface, lit: Light, px_per_mm: tf.Tensor, parts: Parts
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """The scene `image` with the leaf and its shadow on it, and the leaf's mask uint8 [H, W].
-
-    `edge_heights` are the sums of what the edges of the leaf and, where it has veins, of these leave.
-    """
+    """The scene `image` with the leaf and its shadow on it, and the leaf's mask uint8 [H, W]."""
     size = image.shape[1], image.shape[2]
     # The outline runs clockwise, which fills with -1. Where a margin crosses itself it turns the other way:
     # that is leaf neither for the mask nor for the label.
-    coverage = tf.clip_by_value(-raster.accumulated(edge_heights[0], size)[0], 0, 1)
+    coverage = tf.clip_by_value(-raster.accumulated(blade.edge_heights[0], size)[0], 0, 1)
     if "shadow" in parts:
         depth = light.shadow(coverage, lit, size, px_per_mm)
         image = light.shaded(image, depth, lit)
     if "surface" in parts:
-        colour = _skin(coverage, edge_heights, skin, drawn, texture, lit, px_per_mm, parts, size)
+        colour = _skin(coverage, blade, skin, lit, px_per_mm, parts)
     else:
         colour = surface.base_colours(skin)[0]
     return image + coverage * (colour - image), tf.cast(coverage + 0.5, tf.uint8)
 
 
 def _skin(
-    coverage: tf.Tensor,
-    edge_heights: list[tf.Tensor],
-    skin: Surface,
-    drawn: surface.Lattices,
-    texture: Field,
-    lit: Light,
-    px_per_mm: tf.Tensor,
-    parts: Parts,
-    size: Size,
+    coverage: tf.Tensor, blade: Blade, skin: Surface, lit: Light, px_per_mm: tf.Tensor, parts: Parts
 ) -> tf.Tensor:
     """The leaf's lit surface [3, H, W]."""
+    size, drawn = (coverage.shape[0], coverage.shape[1]), blade.drawn
     blend, mottle = surface.blend(skin, drawn.blend, size), surface.mottle(skin, drawn.mottle, size)
-    colour = surface.blade(skin, blend, mottle, texture)
+    colour = surface.blade(skin, blend, mottle, blade.texture)
     if "browned_margin" in parts:
         inwardness = tf.cond(
             skin.margin_browned,
@@ -133,7 +125,7 @@ def _skin(
         colour = surface.spotted(colour, skin, surface.spots(skin, drawn.spots, size))
     ridges = None
     if "veins" in parts:
-        ridges = veins.height(raster.accumulated(edge_heights[1], size)[0])
+        ridges = veins.height(raster.accumulated(blade.edge_heights[1], size)[0])
         colour = surface.vein_tint(colour, skin, ridges)
     if "relief" in parts:
         height = _height(ridges, skin, drawn, px_per_mm, parts, size)

@@ -4,6 +4,12 @@ The accumulation method of font rasterizers: each short edge adds its signed hei
 crosses, and a running sum along the row turns edges into area. The total over the picture equals the
 polygon's shoelace area to rounding, which is what ties the mask to the label.
 Points are [n, 2] float32 (x right, y down), in pixels, pixel (i, j) covering [j, j+1] x [i, i+1].
+
+Three steps, since the first and the last are compiled and the second may not be: `deposits` of the directed
+edges of closed loops, what is `summed` of them in each cell, and the coverage `accumulated` from that.
+Loops add where they turn alike and cancel where they turn oppositely, so a hole is a loop that turns the
+other way. Edges must be at most two pixels high, so that none crosses more than three rows; parts outside the
+picture are cut off correctly.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -92,16 +98,6 @@ def _spacing(travelled: tf.Tensor, count: int) -> tf.Tensor:
 def segments(points: tf.Tensor) -> tf.Tensor:
     """Directed edges [..., n, 2 ends, 2] of closed polygons [..., n, 2]."""
     return tf.stack([points, _next(points)], axis=-2)
-
-
-def fill(edges: tf.Tensor, size: Sides) -> tf.Tensor:
-    """Coverage float32 [H, W] of the closed loops whose directed `edges` are [n, 2 ends, 2].
-
-    Loops add where they turn alike and cancel where they turn oppositely, so a hole is a loop that turns the
-    other way. Edges must be at most two pixels high, so that none crosses more than three rows; parts
-    outside the picture are cut off correctly.
-    """
-    return accumulated(summed(deposits(edges, size), size), size)[0]
 
 
 def summed(left: Deposits, size: Sides, *, layers: int = 1) -> tf.Tensor:

@@ -148,7 +148,7 @@ def geometry(scene: Scene, size: Size) -> Geometry:
 @fused
 def _laid(leaf: Leaf, held: Camera, ring: leaves.Ring, places: tf.Tensor, size: tf.Tensor) -> Geometry:
     """`geometry` of a leaf whose outline is `ring` and whose holes are at `places`."""
-    outline, holes = raster.spaced(*ring), leaves.hole_outlines(leaf, places)
+    outline, holes = leaves.outline(ring), leaves.holes(leaf, places)
     cosine, sine = tf.cos(leaf.angle), tf.sin(leaf.angle)
     turn = tf.stack([tf.stack([cosine, -sine]), tf.stack([sine, cosine])])
     turned = tf.linalg.matmul(outline, turn, transpose_b=True)
@@ -175,7 +175,7 @@ def leaf_edges(place: Geometry, size: Size) -> tf.Tensor:
 
 def _vein_edges(place: Geometry, leaf: Leaf, skin: Surface, commands: tf.Tensor, size: Size) -> tf.Tensor:
     """Edges [n, 2 ends, 2] of the leaf's veins in pixels."""
-    edges = veins.ribbon_edges(leaf, commands, skin.vein_jitter, skin.vein_width_mm)
+    edges = veins.edges(leaf, commands, skin.vein_jitter, skin.vein_width_mm)
     return raster.subdivide_edges(
         camera.project(place.view.to_px, place.pose.apply(edges)), math.ceil(max(size) / 40)
     )
@@ -231,16 +231,9 @@ def _scenery(
     sheet = props.scatter(sheet, scene.props, stage, key, [name for name in props.PROPS if name in parts])
     left = _deposits(place, scene.leaf, scene.surface, veins.commands(key), size, parts)
     texture = None if textures is None else surface.photographed(textures, key, size)
-    return pixels.with_leaf(
-        sheet,
-        [raster.summed(deposits, size) for deposits in left],
-        scene.surface,
-        surface.lattices(key),
-        texture,
-        scene.light,
-        view.px_per_mm,
-        parts,
-    )
+    heights = [raster.summed(deposits, size) for deposits in left]
+    blade = pixels.Blade(heights, surface.lattices(key), texture)
+    return pixels.with_leaf(sheet, blade, scene.surface, scene.light, view.px_per_mm, parts)
 
 
 def _recorded(image: tf.Tensor, scene: Scene, place: Geometry, parts: Parts) -> tf.Tensor:

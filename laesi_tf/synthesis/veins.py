@@ -58,21 +58,17 @@ def secondary_paths(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor) -> tuple[t
     return turtle(start, forward + side * angle, turns, steps), exists
 
 
-def edges(leaf: Leaf, key: Key, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
-    """Ribbon polygons of all veins as one list of edges [n, 2 ends, 2], leaf coordinates in mm.
-
-    Always as many, since what is compiled has fixed shapes: a vein that the leaf lacks has no width.
-    """
-    return ribbon_edges(leaf, commands(key), jitter, width_mm)
-
-
 def commands(key: Key) -> tf.Tensor:
     """The normal numbers [2, SECONDARIES, STEPS + 2] behind the secondary turtles' commands."""
     return key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)
 
 
-def ribbon_edges(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
-    """`edges` from the turtles' `commands`: the midrib's first."""
+def edges(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
+    """Ribbon polygons of all veins as one list of edges [n, 2 ends, 2], leaf coordinates in mm, midrib first.
+
+    `random` are the turtles' `commands`. Always as many edges, since what is compiled has fixed shapes: a
+    vein that the leaf lacks has no width.
+    """
     along = tf.constant(np.linspace(-0.02, 0.96, MIDRIB_STEPS), tf.float32)
     middle, _ = midrib(leaf, along * leaf.length_mm)
     taper = tf.constant(np.linspace(1, 0.25, MIDRIB_STEPS), tf.float32)
