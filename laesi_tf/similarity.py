@@ -43,7 +43,7 @@ def main(arguments: Sequence[str]) -> None:
         "within b": nearest(features["b"]),
     }
     figures = _figures(options, network.origin, features, scores)
-    title = f"{options.a} (a) and {options.b} (b), {network.origin}"
+    title = f"a: {options.a}\nb: {options.b}\n{network.origin}"
     chart_violins(options.out / "violins.png", scores, title=title)
     chart_umap(options.out / "umap.png", features, title=title)
     pairs = closest_pairs(features["a"] @ features["b"].T, _PAIRS)
