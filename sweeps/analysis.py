@@ -66,8 +66,8 @@ def export(storage: str, out: Path, studies: dict[str, str]) -> None:
 
 def analyse(found: dict[str, list[Row]], out: Path, *, replays: int) -> dict[str, Any]:
     """Write tables, pictures and the page for the trials of each study; the figures."""
-    screened, budgets = found["screening"], {name: _budget(out, name) for name, rows in found.items() if rows}
-    page = [_INTRODUCTION, *(findings.of_budget(name, budget) for name, budget in budgets.items()), ""]
+    screened, told = found["screening"], {name: _told(out, name) for name, rows in found.items() if rows}
+    page = [_INTRODUCTION, *(findings.of_study(name, found[name], about) for name, about in told.items()), ""]
     fitted = effects.fit(screened)
     figures: dict[str, Any] = {"shares": fitted.shares, "residual": fitted.residual}
     figures["main_effects"] = [dataclasses.asdict(effect) for effect in fitted.main]
@@ -88,7 +88,7 @@ def analyse(found: dict[str, list[Row]], out: Path, *, replays: int) -> dict[str
         page += findings.of_finalists(final, len({row.seed for row in found["finalists"]}))
         pictures.append("ranks.png")
     if spending.is_whole(screened):
-        steps = budgets.get("search", {}).get("steps", 1)
+        steps = told.get("search", {}).get("budget", {}).get("steps", 1)
         page += _spent(screened, found["search"], out, steps=steps, replays=replays)
         pictures.append("spending.png")
     page += ["## Pictures", "", *(f"![{Path(name).stem.replace('_', ' ')}]({name})\n" for name in pictures)]
@@ -117,10 +117,10 @@ def _table(out: Path, name: str) -> list[Row]:
     return tables.read(path) if path.is_file() else []
 
 
-def _budget(out: Path, name: str) -> dict[str, Any]:
-    """What a trial of a study could spend, as it was exported; empty where it was not."""
+def _told(out: Path, name: str) -> dict[str, Any]:
+    """What a study keeps about itself, as it was exported; empty where it was not."""
     path = out / f"{name}.json"
-    return read_json(path).get("budget", {}) if path.is_file() else {}
+    return read_json(path) if path.is_file() else {}
 
 
 def _options() -> argparse.ArgumentParser:

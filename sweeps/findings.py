@@ -20,14 +20,21 @@ def worth_knowing(fitted: Fit) -> list[str]:
     return sorted(pairs, key=lambda name: -fitted.shares[name])
 
 
-def of_budget(study: str, budget: Mapping[str, Any]) -> str:
-    """What a trial of a study could spend, in a sentence."""
-    if not budget:
-        return f"- {study}: its budget is not known."
-    return (
-        "- {study}: {steps} steps of {batch_size} pictures of {size} px out of {pictures}, judged on "
+def of_study(name: str, rows: Sequence[Row], about: Mapping[str, Any]) -> str:
+    """What a trial of a study could spend, and how many learned anything, from what it keeps about itself."""
+    if "budget" not in about:
+        return f"- {name}: its budget is not known."
+    spent = (
+        "- {name}: {steps} steps of {batch_size} pictures of {size} px out of {pictures}, judged on "
         "{validation}; Large is MobileNetV3 {large} from {weights_large}, Small from {weights_small}."
-    ).format(study=study, **budget)
+    ).format(name=name, **about["budget"])
+    if "guess_mre" not in about:
+        return spent
+    guess = about["guess_mre"]
+    below = sum(row.mre < guess for row in rows)
+    return (
+        f"{spent} One guess for all pictures gives an MRE of {guess:.1f} %: {below} of {len(rows)} are below."
+    )
 
 
 def of_screening(rows: Sequence[Row], fitted: Fit) -> list[str]:

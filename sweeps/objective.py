@@ -19,6 +19,8 @@ from sweeps.trainer import Outcome, Trainer
 from sweeps.worker import Clock, Done, Failed
 
 DIVERGED = "training diverged"
+GUESS = "guess_mre"
+"""User attribute of a study: the MRE of one guess for all its validation pictures."""
 _ANOTHER_SEED = 1000
 
 
@@ -37,6 +39,7 @@ class Training:
         self._trainer, self._book, self._folder = trainer, book, folder
         (folder / "artifacts").mkdir(parents=True, exist_ok=True)
         self._artifacts = FileSystemArtifactStore(folder / "artifacts")
+        book.once(GUESS, trainer.pictures.guess_mre)
         complete = (trial for trial in book.trials() if trial.state is TrialState.COMPLETE)
         self._best = min((trial.values[0] for trial in complete), default=np.inf)
 

@@ -11,6 +11,7 @@ import tensorflow as tf
 
 from laesi_tf.cli import progress
 from laesi_tf.data import augment, synthetic
+from laesi_tf.metrics import mre
 from sweeps.budget import JUDGED_BATCH, Budget
 
 _SCENES_SEED = 0
@@ -46,6 +47,16 @@ class Pictures:
         self._switches.assign(augment.switches(augmentations))
         self._seed.assign(seed)
         return iter(self._batches)
+
+    def guess_mre(self) -> float:
+        """The lowest MRE, in percent, of one guess for all validation pictures: what learning must beat.
+
+        The guess is the median of the areas when each weighs as much as its error counts, one over itself.
+        """
+        areas = np.sort(np.concatenate([target[:, 0] for _, target in self.validation]))
+        weights = np.cumsum(1.0 / areas)
+        guess = areas[np.searchsorted(weights, weights[-1] / 2)]
+        return mre(np.full_like(areas, guess), areas)
 
     def _pipeline(self, budget: Budget, threads: int) -> tf.data.Dataset:
         options = tf.data.Options()

@@ -146,19 +146,22 @@ def test_everything_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str
     values = [(error(point, random), 2.0) for point in POINTS]
     ledger = finished(str(tmp_path / "study.db"), np.array(values))
     ledger.agree("budget", SCREENING.told())
+    ledger.once("guess_mre", lambda: 50.0)
     out = tmp_path / "results"
     arguments = ["--storage", str(tmp_path / "study.db"), "--out", str(out), "--replays", "1"]
     analysis.main([*arguments, "--json", str(tmp_path / "figures.json")])
     page = (out / analysis.PAGE).read_text()
     assert capsys.readouterr().out.strip() == page.strip()
     for text in (
-        "- screening: 40 steps of 32",
+        "- screening: 80 steps of 32",
         "1425 points, one seed",
         "| optimizer | sgd | +",
         "comes",
         "## Searching",
     ):
         assert text in page
+    below = sum(mre < 50 for mre, _ in values)
+    assert f"an MRE of 50.0 %: {below} of 1425 are below" in page
     names = {path.name for path in out.iterdir()}
     assert names >= {"screening.csv", "main_effects.csv", "interactions.csv", "main_effects.png"}
     assert names >= {"parallel.png", "interactions.png", "spending.png"}

@@ -11,7 +11,7 @@ import pytest
 import tensorflow as tf
 from sweep_trial import BUDGET, made, told, trainer
 
-from laesi_tf import runs, training
+from laesi_tf import metrics, runs, training
 from laesi_tf.errors import InputError
 from laesi_tf.schedules import OPTIMIZERS, SCHEDULES, Rates, optimizer, state
 from sweeps.budget import Budget
@@ -133,6 +133,12 @@ def test_each_picture_comes_once_before_any_comes_again() -> None:
     mirrored = [np.array_equal(one, two[:, ::-1]) for one, two in zip(stream, flipped, strict=True)]
     same = [np.array_equal(one, two) for one, two in zip(stream, flipped, strict=True)]
     assert 3 < sum(mirrored) < 29 and sum(mirrored) + sum(same) == 32
+
+
+def test_the_best_guess_is_the_best_of_all_guesses(shared: Trainer) -> None:
+    areas = np.concatenate([target[:, 0] for _, target in shared.pictures.validation])
+    tried = [metrics.mre(np.full_like(areas, guess), areas) for guess in np.linspace(1, 60, 2000)]
+    assert min(tried) * 0.995 < shared.pictures.guess_mre() <= min(tried) + 1e-6
 
 
 @pytest.mark.parametrize("schedule", list(SCHEDULES))
