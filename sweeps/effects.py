@@ -94,6 +94,9 @@ def _least_squares(terms: dict[tuple[str, ...], np.ndarray], response: np.ndarra
     design = np.column_stack([np.ones(len(response)), *terms.values()])
     ends = np.cumsum([1, *(columns.shape[1] for columns in terms.values())])
     places = {term: slice(*ends[place : place + 2]) for place, term in enumerate(terms)}
+    freedom = len(response) - design.shape[1]
+    if freedom < 1:
+        raise InputError(f"{len(response)} trials are too few for intervals: three factors must vary")
     inverse = np.linalg.inv(design.T @ design)
     coefficients = inverse @ design.T @ response
     residuals = response - design @ coefficients
@@ -103,7 +106,6 @@ def _least_squares(terms: dict[tuple[str, ...], np.ndarray], response: np.ndarra
     explained = {
         term: float(np.sum((design[:, place] @ coefficients[place]) ** 2)) for term, place in places.items()
     }
-    freedom = len(response) - design.shape[1]
     return _Model(places, coefficients, covariance, explained, float(residuals @ residuals), freedom)
 
 
@@ -117,7 +119,7 @@ def _effect(
     value = float((contrast @ model.coefficients[place])[0])
     error = float(np.sqrt((contrast @ model.covariance[place, place] @ contrast.T)[0, 0]))
     looked_at = np.prod([len(levels[name]) for name in term])
-    reach = error * stats.t.ppf(1 - (1 - _CONFIDENCE) / 2 / looked_at, max(1, model.freedom))
+    reach = error * stats.t.ppf(1 - (1 - _CONFIDENCE) / 2 / looked_at, model.freedom)
     change, low, high = (100 * (np.exp(x) - 1) for x in (value, value - reach, value + reach))
     return Effect(" x ".join(term), " x ".join(chosen), float(change), float(low), float(high))
 

@@ -66,8 +66,10 @@ def test_interactions_worth_knowing_are_the_one_put_in() -> None:
 
 def test_parts_of_the_grid_must_be_balanced() -> None:
     rows = screening()
-    part = [row for row in rows if row.point.start == "large_scratch" and row.point.optimizer == "adam"]
-    assert {effect.factor for effect in effects.fit(part).main} == {"schedule", "augmentation"}
+    part = [row for row in rows if row.point.start == "large_scratch"]
+    assert {effect.factor for effect in effects.fit(part).main} == {"optimizer", "schedule", "augmentation"}
+    with pytest.raises(InputError, match="too few for intervals"):
+        effects.fit([row for row in part if row.point.optimizer == "adam"])
     with pytest.raises(InputError, match="not all"):
         effects.fit(rows[:20])
 
