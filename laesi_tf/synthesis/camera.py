@@ -21,7 +21,7 @@ from laesi_tf.synthesis.ranges import Chance, Number
 class Camera:
     """A phone held over the sheet."""
 
-    fill: Number = (0.34, 0.86)
+    fill: Number = (0.25, 0.86)
     """Longer side of the leaf's bounding box over the picture's side, before the limits of the view."""
     closest_mm: Number = 70
     farthest_mm: Number = 230

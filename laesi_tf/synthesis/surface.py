@@ -39,7 +39,7 @@ class Surface:
 
     season: Number = (-0.55, 0.95)
     """Below zero counts as its distance from zero, so that two thirds of the leaves are green."""
-    season_spread: Number = (0.02, 0.22)
+    season_spread: Number = (0.0, 0.12)
     """Distance between C1 and C2 along the palette."""
     hue_red: Number = (-0.04, 0.04)
     hue_green: Number = (-0.05, 0.05)
@@ -59,9 +59,9 @@ class Surface:
     mottle_cells: Number = (20, 56)
     margin_browned: Number = Chance(0.25)
     margin_depth: Number = (0.1, 0.6)
-    spotted: Number = Chance(0.35)
-    spot_cells: Number = (12, 56)
-    spot_threshold: Number = (0.45, 0.85)
+    spotted: Number = Chance(0.15)
+    spot_cells: Number = (24, 56)
+    spot_threshold: Number = (0.6, 0.9)
     spot_season: Number = (0.55, 1.0)
     texture_share: Number = (0.4, 1.0)
     """Share of a photographed texture in C1, where the user names a folder of them."""
