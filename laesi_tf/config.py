@@ -92,6 +92,10 @@ class TrainConfig:
         if self.loss not in ("auto", *losses):
             raise InputError(f"loss {self.loss!r} is not for task {self.task!r}: choose {_list(losses)}")
         augmentations(self.augment)
+        if self.batch_size % self.lighting_passes:
+            raise InputError(
+                f"batch_size {self.batch_size} is not a multiple of lighting_passes {self.lighting_passes}"
+            )
         if self.final_learning_rate > self.learning_rate:
             ends = f"{self.final_learning_rate:g} is above learning_rate {self.learning_rate:g}"
             raise InputError(f"final_learning_rate {ends}; lower it")

@@ -95,16 +95,19 @@ def _pictures(
 ) -> Iterator[tuple[Picture, str]]:
     """The pictures of `shards` with their species' names, from one graph: tracing it takes seconds."""
     kinds = tuple(ranges.leaf)
-    indices = [index for shard in shards for index in contents.pictures(shard)]
-    stream = synthetic.pictures_at(
-        tf.data.Dataset.from_tensor_slices(np.array(indices, np.int64)),
+    wanted = {index for shard in shards for index in contents.pictures(shard)}
+    leaves = sorted({index // ranges.lighting_passes for index in wanted})
+    stream = synthetic.pictures_of(
+        tf.data.Dataset.from_tensor_slices(np.array(leaves, np.int64)),
         seed=contents.seed,
         size=contents.size,
         ranges=ranges,
     )
     for picture in stream.prefetch(8).as_numpy_iterator():
-        yield picture, kinds[picture["kind"]]
-        bar.update()
+        # A leaf whose passes end in another shard is made for both.
+        if int(picture["index"]) in wanted:
+            yield picture, kinds[picture["kind"]]
+            bar.update()
 
 
 WRITERS: dict[str, Write] = {"records": records.write_pictures, "folder": folders.write_pictures}

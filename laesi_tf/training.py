@@ -312,13 +312,15 @@ def _training(config: TrainConfig, data_service: str) -> Stream:
     ranges = load_ranges(config.ranges)
 
     def live(places: tf.data.Dataset) -> tf.data.Dataset:
-        indices = places.map(lambda place: place + synthetic.TRAIN[0])
-        scenes = synthetic.pictures_at(
-            indices,
+        # Runs of places are whole: a batch has so many leaves.
+        passes = config.lighting_passes
+        first = places.filter(lambda place: place % passes == 0)
+        scenes = synthetic.pictures_of(
+            first.map(lambda place: (place + synthetic.TRAIN[0]) // passes),
             seed=config.seed,
             size=config.size,
             ranges=ranges,
-            passes=config.lighting_passes,
+            passes=passes,
             textures=textures,
         )
         return _examples(scenes.map(lambda scene: (scene["index"] - synthetic.TRAIN[0], scene)), config)

@@ -84,7 +84,7 @@ class Pictures:
 
 def scenes(budget: Budget, indices: Sequence[int]) -> Batch:
     """The scenes of these indices: images uint8 [N, S, S, 3], targets float32 [N, 3]."""
-    pictures = synthetic.pictures_at(
+    pictures = synthetic.pictures_of(
         tf.data.Dataset.from_tensor_slices(np.asarray(indices, np.int64)),
         seed=_SCENES_SEED,
         size=(budget.size, budget.size),

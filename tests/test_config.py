@@ -13,7 +13,7 @@ CHANGED = {
     "alpha": 0.75,
     "size": (96, 64),
     "weights": "some/file.weights.h5",
-    "batch_size": 7,
+    "batch_size": 12,
     "steps": 11,
     "optimizer": "adamw",
     "schedule": "cosine",
@@ -84,6 +84,7 @@ def test_size_is_a_side_or_two(size):
         ({"size": 64.0}, "size must be a side"),
         ({"loss": "bce"}, "'bce' is not for task 'area': choose huber, l1 or mse"),
         ({"task": "mask", "loss": "huber"}, "'huber' is not for task 'mask'"),
+        ({"batch_size": 6, "lighting_passes": 4}, "batch_size 6 is not a multiple of lighting_passes 4"),
         ({"learning_rate": 1e-10}, "final_learning_rate 1e-09 is above learning_rate"),
     ],
 )

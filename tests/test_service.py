@@ -15,6 +15,7 @@ import pytest
 import tensorflow as tf
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes import only
 
 from laesi_tf.config import TrainConfig
 from laesi_tf.data import service
@@ -38,6 +39,17 @@ def arrivals(draw: st.DrawFn) -> tuple[list[int], int]:
     ), first
 
 
+def test_what_comes_after_its_gap_was_filled_is_dropped() -> None:
+    lost, count = range(0, 200, 8), 200
+    overtaken = [number for number in range(count) if number not in lost]
+    # Each of them late by more than patience has.
+    late = sorted([*overtaken, *lost], key=lambda number: number + 60 * (number in lost))
+    filled: list[int] = []
+    found = list(service.in_order(((n, n) for n in late), 0, lambda n: filled.append(n) or n))
+    assert found == list(range(len(found)))
+    assert set(filled) <= set(lost)
+
+
 @given(arrivals())
 def test_batches_are_put_in_order_and_gaps_filled(case: tuple[list[int], int]) -> None:
     numbers, first = case
@@ -54,13 +66,13 @@ def test_batches_are_put_in_order_and_gaps_filled(case: tuple[list[int], int]) -
     assert len(found) == numbers[-1] + 1 - first
 
 
-@pytest.fixture(scope="module")
-def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+@pytest.fixture
+def machines(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen]]]:
     """Two processes that serve, one with the dispatcher; and the address."""
     with socket.socket() as free:
         free.bind(("localhost", 0))
         address = f"localhost:{free.getsockname()[1]}"
-    told = tmp_path_factory.mktemp("serve") / "serving.json"
+    told = tmp_path / "serving.json"
     commands = [["--port", address.rpartition(":")[2], "--json", str(told)], ["--join", address]]
     started = [
         subprocess.Popen(
@@ -77,13 +89,21 @@ def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, li
         process.wait()
 
 
-def test_the_stream_is_that_of_one_machine(machines) -> None:
-    address, _ = machines
-    here = _training(CONFIG, "")(8)
-    there = _training(CONFIG, address)(8)
-    for expected, found in itertools.islice(zip(here, there, strict=False), 40):
-        for one, other in zip(tf.nest.flatten(expected), tf.nest.flatten(found), strict=True):
-            np.testing.assert_array_equal(one, other)
+def test_the_stream_is_that_of_one_machine_whatever_becomes_of_a_worker(machines, tmp_path: Path) -> None:
+    address, (_, joined) = machines
+    ranges = tmp_path / "simple.toml"
+    ranges.write_text(f"without = {sorted(only('ruling', 'sensor_noise').without)}\n")
+    config = replace(CONFIG, ranges=str(ranges), lighting_passes=2)
+    pairs = zip(_training(config, "")(8), _training(config, address)(8), strict=False)
+    for number, (expected, found) in enumerate(itertools.islice(pairs, 120)):
+        if number == 40:
+            joined.kill()
+        assert_same(expected, found)
+
+
+def assert_same(expected: service.Batch, found: service.Batch) -> None:
+    for one, other in zip(tf.nest.flatten(expected), tf.nest.flatten(found), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_where_nobody_serves_is_said_at_once(tmp_path: Path) -> None:

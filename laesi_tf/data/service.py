@@ -17,7 +17,8 @@ from laesi_tf.errors import InputError
 
 Batch = tuple[tf.Tensor, Any]
 Make = Callable[[tf.data.Dataset], tf.data.Dataset]
-"""From the places of pictures in a stream, int64 [], to (place, (image, target)), in the same order."""
+"""From the places of pictures in a stream, int64 [], whole batches of them, to (place, (image, target)), in the
+same order."""
 
 _PATIENCE = 24
 """Batches that may overtake one before it counts as lost: more than workers have in hand between them."""
@@ -50,7 +51,8 @@ def in_order(
     """The batches of `arriving` (number, batch) by number, from `first`; those that are lost by `fill`."""
     waiting: dict[int, Batch] = {}
     for number, batch in arriving:
-        waiting[number] = batch
+        if number >= first:  # what was given up and comes after all is too late
+            waiting[number] = batch
         while first in waiting or len(waiting) > _PATIENCE:
             yield waiting.pop(first) if first in waiting else fill(first)
             first += 1

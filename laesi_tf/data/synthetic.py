@@ -10,7 +10,7 @@ from typing import Literal
 
 import tensorflow as tf
 
-from laesi_tf.synthesis import Ranges, load_ranges, synthesise
+from laesi_tf.synthesis import Ranges, load_ranges, synthesise, synthesise_passes
 
 TRAIN = (0, 2**40)
 VALIDATION = (2**40, 2**41)
@@ -35,17 +35,19 @@ def pictures(
 
     Keys: `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm`, `tilt_deg` float32 [],
     `to_px` float32 [3, 3], `kind` int32 [], `index` int64 []. `passes` overrides the ranges' lighting passes
-    over one leaf: 1 makes every picture a new leaf. `parallel` is how many pictures are in work at once; a
-    picture is one task because it stays in a core's cache, which batches of them do not.
+    over one leaf: 1 makes every picture a new leaf. `parallel` is how many leaves are in work at once; a
+    leaf is one task because it stays in a core's cache, which batches of them do not.
     """
-    indices = tf.data.Dataset.range(start, start + count if count is not None else 2**62)
-    return pictures_at(
-        indices, seed=seed, size=size, ranges=ranges, passes=passes, textures=textures, parallel=parallel
-    )
+    chosen = _chosen(ranges, passes)
+    each = chosen.lighting_passes
+    stop = start + count if count is not None else 2**62
+    leaves = tf.data.Dataset.range(start // each, -(-stop // each))
+    made = pictures_of(leaves, seed=seed, size=size, ranges=chosen, textures=textures, parallel=parallel)
+    return made.skip(start % each).take(stop - start)
 
 
-def pictures_at(
-    indices: tf.data.Dataset,
+def pictures_of(
+    leaves: tf.data.Dataset,
     *,
     seed: int,
     size: tuple[int, int] = (224, 224),
@@ -54,15 +56,26 @@ def pictures_at(
     textures: tf.Tensor | None = None,
     parallel: int = tf.data.AUTOTUNE,
 ) -> tf.data.Dataset:
-    """The pictures of any stream of `indices`, int64 []; the rest is as in `pictures`."""
+    """The pictures of any stream of `leaves`, int64 []; the rest is as in `pictures`.
+
+    Those of leaf i are the pictures i * passes, i * passes + 1, ... of the stream.
+    """
+    chosen = _chosen(ranges, passes)
+    each = chosen.lighting_passes
+
+    def lit(leaf: tf.Tensor) -> dict[str, tf.Tensor]:
+        return synthesise_passes(seed, size=size, ranges=chosen, first=leaf * each, textures=textures)
+
+    def single(leaf: tf.Tensor) -> dict[str, tf.Tensor]:
+        return synthesise(seed, size=size, ranges=chosen, index=leaf, textures=textures)
+
+    made = leaves.map(single if each == 1 else lit, num_parallel_calls=parallel, deterministic=True)
+    return made if each == 1 else made.unbatch()
+
+
+def _chosen(ranges: str | Path | Ranges, passes: int | None) -> Ranges:
     chosen = load_ranges(ranges)
-    if passes is not None:
-        chosen = chosen.with_passes(passes)
-    return indices.map(
-        lambda index: synthesise(seed, size=size, ranges=chosen, index=index, textures=textures),
-        num_parallel_calls=parallel,
-        deterministic=True,
-    )
+    return chosen if passes is None else chosen.with_passes(passes)
 
 
 def batches(*, task: Task, batch_size: int, **options) -> tf.data.Dataset:

@@ -10,9 +10,26 @@ from pathlib import Path
 import tensorflow as tf
 
 from laesi_tf.synthesis.presets import load_ranges
-from laesi_tf.synthesis.scene import COMPONENTS, Ranges, Scene, render, sample
+from laesi_tf.synthesis.scene import (
+    COMPONENTS,
+    Ranges,
+    Scene,
+    render,
+    render_passes,
+    sample,
+    sample_passes,
+)
 
-__all__ = ["COMPONENTS", "Ranges", "Scene", "load_ranges", "render", "sample", "synthesise"]
+__all__ = [
+    "COMPONENTS",
+    "Ranges",
+    "Scene",
+    "load_ranges",
+    "render",
+    "sample",
+    "synthesise",
+    "synthesise_passes",
+]
 
 
 @tf.autograph.experimental.do_not_convert
@@ -37,3 +54,24 @@ def synthesise(
     chosen = load_ranges(ranges)
     index = tf.cast(index, tf.int64)
     return render(sample(seed, index, chosen), size, chosen, textures=textures) | {"index": index}
+
+
+@tf.autograph.experimental.do_not_convert
+def synthesise_passes(
+    seed: tf.Tensor | int,
+    *,
+    size: tuple[int, int] = (224, 224),
+    ranges: str | Path | Ranges = "rendering_2",
+    first: tf.Tensor | int = 0,
+    textures: tf.Tensor | None = None,
+) -> dict[str, tf.Tensor]:
+    """Make the pictures of all lighting passes over one leaf, from picture `first` on (paper, "Rendering").
+
+    As `synthesise`, with an axis [ranges.lighting_passes] before the others: the same pictures for less, as
+    leaf and paper are made once. `first` is a multiple of the passes.
+    """
+    chosen = load_ranges(ranges)
+    first = tf.cast(first, tf.int64)
+    pictures = render_passes(sample_passes(seed, first, chosen), size, chosen, textures=textures)
+    made = {name: tf.stack([picture[name] for picture in pictures]) for name in pictures[0]}
+    return made | {"index": first + tf.range(len(pictures), dtype=tf.int64)}

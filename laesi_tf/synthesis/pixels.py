@@ -88,29 +88,71 @@ def page(
     return tf.cond(sheet.edged, on_desk, filling) if "desk" in parts else filling()
 
 
+class Unlit(NamedTuple):
+    """A leaf before light falls on it: coverage and slopes (dH/dx and dH/dy) [H, W], colour [3, H, W] or
+    [3, 1, 1]."""
+
+    coverage: tf.Tensor
+    colour: tf.Tensor
+    slopes: Field
+
+
 @fused
 def with_leaf(
     image: tf.Tensor, blade: Blade, skin: Surface, lit: Light, px_per_mm: tf.Tensor, parts: Parts
 ) -> tuple[tf.Tensor, tf.Tensor]:
     """The scene `image` with the leaf and its shadow on it, and the leaf's mask uint8 [H, W]."""
-    size = image.shape[1], image.shape[2]
+    leaf, mask = _unlit(blade, skin, px_per_mm, (image.shape[1], image.shape[2]), parts)
+    return _lit(image, leaf, lit, px_per_mm, parts), mask
+
+
+@fused
+def unlit(
+    blade: Blade, skin: Surface, px_per_mm: tf.Tensor, size: Size, parts: Parts
+) -> tuple[Unlit, tf.Tensor]:
+    """The leaf as several lighting passes find it, and its mask uint8 [H, W]."""
+    return _unlit(blade, skin, px_per_mm, size, parts)
+
+
+@fused
+def in_light(image: tf.Tensor, leaf: Unlit, lit: Light, px_per_mm: tf.Tensor, parts: Parts) -> tf.Tensor:
+    """What `with_leaf` makes of `image`, in one of several lights."""
+    return _lit(image, leaf, lit, px_per_mm, parts)
+
+
+def _unlit(
+    blade: Blade, skin: Surface, px_per_mm: tf.Tensor, size: Size, parts: Parts
+) -> tuple[Unlit, tf.Tensor]:
     # The outline runs clockwise, which fills with -1. Where a margin crosses itself it turns the other way:
     # that is leaf neither for the mask nor for the label.
     coverage = tf.clip_by_value(-raster.accumulated(blade.edge_heights[0], size)[0], 0, 1)
-    if "shadow" in parts:
-        depth = light.shadow(coverage, lit, size, px_per_mm)
-        image = light.shaded(image, depth, lit)
+    ridges = None
+    if "veins" in parts:
+        ridges = veins.height(raster.accumulated(blade.edge_heights[1], size)[0])
     if "surface" in parts:
-        colour = _skin(coverage, blade, skin, lit, px_per_mm, parts)
+        colour = _skin(coverage, ridges, blade, skin, px_per_mm, parts)
     else:
         colour = surface.base_colours(skin)[0]
-    return image + coverage * (colour - image), tf.cast(coverage + 0.5, tf.uint8)
+    slopes = None
+    if "relief" in parts:
+        slopes = surface.normals(_height(ridges, skin, blade.drawn, px_per_mm, parts, size), px_per_mm)
+    return Unlit(coverage, colour, slopes), tf.cast(coverage + 0.5, tf.uint8)
+
+
+def _lit(image: tf.Tensor, leaf: Unlit, lit: Light, px_per_mm: tf.Tensor, parts: Parts) -> tf.Tensor:
+    if "shadow" in parts:
+        depth = light.shadow(leaf.coverage, lit, (image.shape[1], image.shape[2]), px_per_mm)
+        image = light.shaded(image, depth, lit)
+    colour = leaf.colour
+    if leaf.slopes is not None:
+        colour = light.relief(colour, light.facing(leaf.slopes, lit), lit)
+    return image + leaf.coverage * (colour - image)
 
 
 def _skin(
-    coverage: tf.Tensor, blade: Blade, skin: Surface, lit: Light, px_per_mm: tf.Tensor, parts: Parts
+    coverage: tf.Tensor, ridges: Field, blade: Blade, skin: Surface, px_per_mm: tf.Tensor, parts: Parts
 ) -> tf.Tensor:
-    """The leaf's lit surface [3, H, W]."""
+    """The colours [3, H, W] of the leaf's surface."""
     size, drawn = (coverage.shape[0], coverage.shape[1]), blade.drawn
     blend, mottle = surface.blend(skin, drawn.blend, size), surface.mottle(skin, drawn.mottle, size)
     colour = surface.blade(skin, blend, mottle, blade.texture)
@@ -123,14 +165,7 @@ def _skin(
         colour = surface.browned_margin(colour, skin, inwardness)
     if "spots" in parts:
         colour = surface.spotted(colour, skin, surface.spots(skin, drawn.spots, size))
-    ridges = None
-    if "veins" in parts:
-        ridges = veins.height(raster.accumulated(blade.edge_heights[1], size)[0])
-        colour = surface.vein_tint(colour, skin, ridges)
-    if "relief" in parts:
-        height = _height(ridges, skin, drawn, px_per_mm, parts, size)
-        colour = light.relief(colour, light.facing(surface.normals(height, px_per_mm), lit), lit)
-    return colour
+    return colour if ridges is None else surface.vein_tint(colour, skin, ridges)
 
 
 def _height(

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import tensorflow as tf
@@ -92,21 +92,34 @@ class Scene:
 def sample(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) -> Scene:
     """Draw the scene of picture (`seed`, `index`), each an integer scalar below 2^58."""
     index = tf.cast(index, tf.int64)
-    key, light_key = Key(seed, index // ranges.lighting_passes), Key(seed, index)
+    key = Key(seed, index // ranges.lighting_passes)
     rooms = {name: getattr(ranges, name) for name in ("paper", "surface", "props", "camera", "desk")}
     kinds = [kind for _, kind in ranges.leaf.values()]
     sizes = [1, count(kinds[0]), *(count(room) for room in rooms.values())]
     which, leaf_numbers, *others = tf.split(key.uniform([sum(sizes)], Purpose.SCENE), sizes)
     drawn = {name: draw(room, part) for (name, room), part in zip(rooms.items(), others, strict=True)}
     kind = _choose([weight for weight, _ in ranges.leaf.values()], which[0])
+    light_key, lit = _lit(seed, index, ranges)
     return Scene(
         kind=kind,
         leaf=draw_one_of(kinds, kind, leaf_numbers),
-        light=draw(ranges.light, light_key.uniform([count(ranges.light)], Purpose.LIGHT)),
+        light=lit,
         key=key,
         light_key=light_key,
         **drawn,
     )
+
+
+def sample_passes(seed: tf.Tensor | int, first: tf.Tensor | int, ranges: Ranges) -> list[Scene]:
+    """The scenes of all lighting passes over one leaf, of which `first` is the index of the first."""
+    scene = sample(seed, first, ranges)
+    others = [_lit(seed, first + number, ranges) for number in range(1, ranges.lighting_passes)]
+    return [scene, *(dataclasses.replace(scene, light_key=key, light=lit) for key, lit in others)]
+
+
+def _lit(seed: tf.Tensor | int, index: tf.Tensor, ranges: Ranges) -> tuple[Key, Light]:
+    key = Key(seed, index)
+    return key, draw(ranges.light, key.uniform([count(ranges.light)], Purpose.LIGHT))
 
 
 def _choose(weights: list[float], uniform: tf.Tensor) -> tf.Tensor:
@@ -192,6 +205,15 @@ def _deposits(
     return [raster.deposits(polygons, size) for polygons in edges]
 
 
+class Laid(NamedTuple):
+    """What lighting passes over one leaf have in common: where everything is, sheet and desk with what lies
+    on them [3, H, W], and what the leaf is made of."""
+
+    place: Geometry
+    sheet: tf.Tensor
+    blade: pixels.Blade
+
+
 def render(
     scene: Scene, size: Size, ranges: Ranges, *, textures: tf.Tensor | None = None
 ) -> dict[str, tf.Tensor]:
@@ -201,9 +223,54 @@ def render(
     centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3], sheet mm to pixels, and `kind` int32 [],
     which of the ranges' kinds of leaves it is.
     """
-    parts = tuple(name for name in COMPONENTS if ranges.has(name))
-    place = geometry(scene, size)
-    image, mask = _scenery(scene, place, size, parts, textures)
+    parts = _parts(ranges)
+    laid = _laid_out(scene, size, parts, textures)
+    image, mask = pixels.with_leaf(
+        laid.sheet, laid.blade, scene.surface, scene.light, laid.place.view.px_per_mm, parts
+    )
+    return _picture(image, mask, scene, laid.place, parts)
+
+
+def render_passes(
+    passes: Sequence[Scene], size: Size, ranges: Ranges, *, textures: tf.Tensor | None = None
+) -> list[dict[str, tf.Tensor]]:
+    """The pictures, each as `render` makes it, of scenes that differ in their light alone."""
+    parts = _parts(ranges)
+    laid = _laid_out(passes[0], size, parts, textures)
+    px_per_mm = laid.place.view.px_per_mm
+    leaf, mask = pixels.unlit(laid.blade, passes[0].surface, px_per_mm, size, parts)
+    return [
+        _picture(
+            pixels.in_light(laid.sheet, leaf, scene.light, px_per_mm, parts), mask, scene, laid.place, parts
+        )
+        for scene in passes
+    ]
+
+
+def _parts(ranges: Ranges) -> Parts:
+    return tuple(name for name in COMPONENTS if ranges.has(name))
+
+
+def _laid_out(scene: Scene, size: Size, parts: Parts, textures: tf.Tensor | None) -> Laid:
+    key, place = scene.key, geometry(scene, size)
+    view = place.view
+    extent = tf.stack([tf.reduce_min(place.outline, axis=0), tf.reduce_max(place.outline, axis=0)])
+    where = pixels.ruled(scene.paper, view.to_px, size) if "ruling" in parts else None
+    sheet = pixels.page(
+        scene.paper, paper.lattices(key), scene.desk, desk.lattice(key), extent, view, where, size, parts
+    )
+    stage = props.Stage(leaf=place.outline, view=view, size=size)
+    sheet = props.scatter(sheet, scene.props, stage, key, [name for name in props.PROPS if name in parts])
+    left = _deposits(place, scene.leaf, scene.surface, veins.commands(key), size, parts)
+    texture = None if textures is None else surface.photographed(textures, key, size)
+    heights = [raster.summed(deposits, size) for deposits in left]
+    return Laid(place, sheet, pixels.Blade(heights, surface.lattices(key), texture))
+
+
+def _picture(
+    image: tf.Tensor, mask: tf.Tensor, scene: Scene, place: Geometry, parts: Parts
+) -> dict[str, tf.Tensor]:
+    """What `render` returns, of what there is to be seen [3, H, W] and the leaf's mask."""
     light_numbers = light.lattice(scene.light_key)
     exposed = pixels.exposed(image, scene.light, light_numbers, scene.camera, scene.paper, parts)
     return {
@@ -215,25 +282,6 @@ def render(
         "to_px": place.view.to_px,
         "kind": scene.kind,
     }
-
-
-def _scenery(
-    scene: Scene, place: Geometry, size: Size, parts: Parts, textures: tf.Tensor | None
-) -> tuple[tf.Tensor, tf.Tensor]:
-    """What there is to be seen, [3, H, W], and the leaf's mask uint8 [H, W]."""
-    key, view = scene.key, place.view
-    extent = tf.stack([tf.reduce_min(place.outline, axis=0), tf.reduce_max(place.outline, axis=0)])
-    where = pixels.ruled(scene.paper, view.to_px, size) if "ruling" in parts else None
-    sheet = pixels.page(
-        scene.paper, paper.lattices(key), scene.desk, desk.lattice(key), extent, view, where, size, parts
-    )
-    stage = props.Stage(leaf=place.outline, view=view, size=size)
-    sheet = props.scatter(sheet, scene.props, stage, key, [name for name in props.PROPS if name in parts])
-    left = _deposits(place, scene.leaf, scene.surface, veins.commands(key), size, parts)
-    texture = None if textures is None else surface.photographed(textures, key, size)
-    heights = [raster.summed(deposits, size) for deposits in left]
-    blade = pixels.Blade(heights, surface.lattices(key), texture)
-    return pixels.with_leaf(sheet, blade, scene.surface, scene.light, view.px_per_mm, parts)
 
 
 def _recorded(image: tf.Tensor, scene: Scene, place: Geometry, parts: Parts) -> tf.Tensor:
