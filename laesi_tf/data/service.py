@@ -17,8 +17,8 @@ from laesi_tf.errors import InputError
 
 Batch = tuple[tf.Tensor, Any]
 Make = Callable[[tf.data.Dataset], tf.data.Dataset]
-"""From the places of pictures in a stream, int64 [], whole batches of them, to (place, (image, target)), in the
-same order."""
+"""From the places of pictures in a stream, int64 [], whole batches of them, to (place, (image, target)), in
+the same order."""
 
 _PATIENCE = 24
 """Batches that may overtake one before it counts as lost: more than workers have in hand between them."""
