@@ -8,6 +8,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import COMPONENTS, Ranges, load_ranges, raster
+from laesi_tf.synthesis.editing import every_component
 from laesi_tf.synthesis.ranges import Chance, numbers
 
 ROOMS = ("paper", "surface", "light", "props", "camera", "desk")
@@ -40,6 +41,11 @@ def changed(ranges: Ranges, room: str, **fields: Any) -> Ranges:
 def only(*components: str, ranges: Ranges = RENDERING_2) -> Ranges:
     """`ranges` with no more than these components."""
     return dataclasses.replace(ranges, without=frozenset(COMPONENTS) - frozenset(components))
+
+
+def complete(ranges: Ranges = RENDERING_2) -> Ranges:
+    """`ranges` with every component in every picture, the red square too, each leaf in one light."""
+    return every_component(changed(ranges.with_passes(1), "props", calibration=Chance(0.5)))
 
 
 def specs(ranges: Ranges) -> Iterator[tuple[str, str, Any]]:

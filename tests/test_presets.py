@@ -140,5 +140,6 @@ def test_every_component_leaves_nothing_to_chance() -> None:
     full = every_component(RENDERING_2)
     chances = {spec.p for _, _, spec in specs(full) if isinstance(spec, Chance)}
     others = [[spec for _, _, spec in specs(r) if not isinstance(spec, Chance)] for r in (full, RENDERING_2)]
-    assert chances == {1.0} and others[0] == others[1]
+    assert full.props.calibration == Chance(0.0)  # what is never shown stays away
+    assert chances == {0.0, 1.0} and others[0] == others[1]
     assert [weight for weight, _ in full.leaf.values()] == [weight for weight, _ in RENDERING_2.leaf.values()]

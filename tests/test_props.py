@@ -7,17 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tensorflow as tf
-from scenes import RENDERING_2, filled, middle
+from scenes import complete, filled, middle
 
 from laesi_tf.synthesis import load_ranges, sample
-from laesi_tf.synthesis.editing import every_component
 from laesi_tf.synthesis.keys import Key, Purpose
 from laesi_tf.synthesis.props import PROPS, Props, Stage, place, scatter, scribble
 from laesi_tf.synthesis.ranges import Chance, _low_bits, count, draw
 from laesi_tf.synthesis.scene import Scene, geometry, leaf_edges
 
 SIZE = (160, 160)
-RANGES = every_component(RENDERING_2.with_passes(1))
+RANGES = complete()
 NOTHING = tf.fill([3, *SIZE], 2.0)
 """A picture brighter than anything, so that whatever lies on it is seen."""
 

@@ -8,17 +8,16 @@ import cv2
 import numpy as np
 import pytest
 import tensorflow as tf
-from scenes import RENDERING_2, ROOMS, bounds, changed, difference, only, specs
+from scenes import RENDERING_2, ROOMS, bounds, changed, complete, difference, only, specs
 
 from laesi_tf.data.synthetic import pictures
 from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render, sample, synthesise
-from laesi_tf.synthesis.editing import every_component
 from laesi_tf.synthesis.keys import Purpose
 from laesi_tf.synthesis.ranges import Chance, count, draw_one_of, numbers
 from laesi_tf.synthesis.scene import geometry, leaf_edges
 
 SINGLY = RENDERING_2.with_passes(1)
-FULL = every_component(SINGLY)
+FULL = complete()
 KINDS = [kind for _, kind in SINGLY.leaf.values()]
 SMALL = (96, 96)
 

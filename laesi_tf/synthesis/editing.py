@@ -14,7 +14,7 @@ _ROOMS = ("paper", "surface", "light", "props", "camera", "desk")
 
 
 def every_component(ranges: Ranges) -> Ranges:
-    """`ranges` with every Chance at 1, so that each picture has all that pictures can have."""
+    """`ranges` with every Chance above 0 at 1, so that each picture has all that pictures can have."""
     return dataclasses.replace(
         ranges,
         leaf={name: (weight, _certain(kind)) for name, (weight, kind) in ranges.leaf.items()},
@@ -23,7 +23,7 @@ def every_component(ranges: Ranges) -> Ranges:
 
 
 def _certain(room: Room) -> Room:
-    chances = [name for name, spec in numbers(room).items() if isinstance(spec, Chance)]
+    chances = [name for name, spec in numbers(room).items() if isinstance(spec, Chance) and spec.p > 0]
     return dataclasses.replace(room, **dict.fromkeys(chances, Chance(1.0)))  # type: ignore[type-var]
 
 
@@ -37,7 +37,7 @@ def _lines(ranges: Ranges) -> Iterator[str]:
     yield "# a single number always that number. What is left out is as in `base`."
     yield 'base = "rendering_2"'
     yield f"lighting_passes = {ranges.lighting_passes}"
-    left_out = [f'"{name}"' for name in COMPONENTS if not ranges.has(name)]
+    left_out = [f'"{name}"' for name in COMPONENTS if name in ranges.without]
     yield f"without = [{', '.join(left_out)}]"
     for name in _ROOMS:
         yield from _table(name, numbers(getattr(ranges, name)))

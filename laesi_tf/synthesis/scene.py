@@ -19,7 +19,7 @@ from laesi_tf.synthesis.light import Light
 from laesi_tf.synthesis.paper import Paper
 from laesi_tf.synthesis.pixels import Parts
 from laesi_tf.synthesis.props import Props
-from laesi_tf.synthesis.ranges import count, draw, draw_one_of
+from laesi_tf.synthesis.ranges import Chance, count, draw, draw_one_of
 from laesi_tf.synthesis.surface import Surface
 
 COMPONENTS = (
@@ -63,7 +63,8 @@ class Ranges:
 
     def has(self, component: str) -> bool:
         """Whether pictures may contain `component`."""
-        return component not in self.without
+        never = getattr(self.props, component, None) == Chance(0.0)
+        return component not in self.without and not never
 
     def with_passes(self, passes: int) -> "Ranges":
         """The same ranges with another number of lighting passes over one leaf."""
