@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 import tensorflow as tf
-from scenes import only
+from scenes import RENDERING_2, only
 
 from laesi_tf import benchmark, machine
 from laesi_tf.benchmarks import photo, synthesis
 from laesi_tf.benchmarks.spread import Spread
-from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Measurement
 from laesi_tf.synthesis import COMPONENTS
@@ -126,7 +125,7 @@ def test_report_and_json(
     assert set(figures) >= KEYS and list(figures["component_us"]) == ["ruling"]
     alone = ("", "every_component_", "one_light_", "one_light_every_component_")
     assert all(figures[f"{sort}images_per_s"] > 0 for sort in alone)
-    assert figures["lighting_passes"] == TrainConfig.lighting_passes
+    assert figures["lighting_passes"] == RENDERING_2.lighting_passes
     assert figures["live_over_cached_small"] == figures["live_over_cached_large"] == 0.95
     assert figures["memory_images"] == 70 and figures["peak_rss_mb"] >= figures["settled_rss_mb"] > 100
     for text in ("ruling, CPU", "training small, live over cached", "0.950", "peak memory, 70 pictures"):

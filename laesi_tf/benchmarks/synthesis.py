@@ -41,7 +41,9 @@ def main(arguments: Sequence[str]) -> None:
     options = _options().parse_args(arguments)
     if options.json is not None:
         require_writable(options.json)
-    plain = load_ranges(options.ranges).with_passes(options.lighting_passes)
+    plain = load_ranges(options.ranges)
+    if options.lighting_passes is not None:
+        plain = plain.with_passes(options.lighting_passes)
     single = plain.with_passes(1)
     every = every_component(plain)
     scene = {"seed": options.seed, "size": options.size}
@@ -52,7 +54,7 @@ def main(arguments: Sequence[str]) -> None:
     parts = component_us(every.with_passes(1), repeats=options.repeats, **scene)
     loops = {"weights": options.weights, "repeats": options.repeats, "steps": options.steps}
     trained = {kind: training_rates(kind, plain, **loops, **scene) for kind in ("small", "large")}
-    figures = _figures(memory, alone, parts, trained) | {"lighting_passes": options.lighting_passes}
+    figures = _figures(memory, alone, parts, trained) | {"lighting_passes": plain.lighting_passes}
     if options.json is not None:
         write_json(options.json, figures)
     print(_table(figures))
@@ -259,9 +261,8 @@ def _options() -> argparse.ArgumentParser:
     made.add_argument(
         "--lighting-passes",
         type=positive,
-        default=TrainConfig.lighting_passes,
         metavar="N",
-        help="pictures of the same leaf in different light, as train makes them",
+        help="pictures of the same leaf in different light; default: as the ranges say. train makes one",
     )
     made.add_argument("--images", type=positive, default=20000, metavar="N", help="pictures for the memory")
     made.add_argument(
