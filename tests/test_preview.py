@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from green import photo
 from PIL import Image
-from scenes import only
+from scenes import RENDERING_2, changed, only
 
 from laesi_tf import preview as command
 from laesi_tf.errors import InputError
 from laesi_tf.synthesis import COMPONENTS, load_ranges
 from laesi_tf.synthesis.presets import PRESETS
+from laesi_tf.synthesis.ranges import Chance
 
 SHEETS = ("scenes.png", "components.png", "passes.png", "masks.png")
 
@@ -50,7 +51,8 @@ def test_sheets_and_their_labels(simple: Path, tmp_path: Path, capsys: pytest.Ca
 
 def test_each_component_changes_the_tile_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command, "_CANDIDATES", 3)
-    tiles = command.components(load_ranges("rendering_2"), seed=0, size=256)
+    with_square = changed(RENDERING_2, "props", calibration=Chance(0.5))
+    tiles = command.components(with_square, seed=0, size=256)
     assert len(tiles) == len(COMPONENTS) + 1
     same = [
         number for number, (one, other) in enumerate(itertools.pairwise(tiles))
