@@ -94,7 +94,8 @@ class TrainConfig:
         augmentations(self.augment)
         if self.batch_size % self.lighting_passes:
             raise InputError(
-                f"batch_size {self.batch_size} is not a multiple of lighting_passes {self.lighting_passes}"
+                f"batch_size {self.batch_size} is not a multiple of lighting_passes {self.lighting_passes}; "
+                "change one of them"
             )
         if self.final_learning_rate > self.learning_rate:
             ends = f"{self.final_learning_rate:g} is above learning_rate {self.learning_rate:g}"

@@ -30,8 +30,13 @@ _BATCH = 32
 _CACHED_BATCHES = 8
 _SETTLING_STEPS = 6
 """Untimed steps after a turn begins: the stream before may still be filling its buffers."""
-_SORTS = {"every": "every_component", "single": "one_light", "single_every": "one_light_every_component"}
-"""Sorts of pictures beside those of training: with all components, each leaf in one light, and both."""
+_SORTS = {
+    "images_per_s": "synthesis",
+    "every_component_images_per_s": "every component",
+    "one_light_images_per_s": "one light",
+    "one_light_every_component_images_per_s": "one light, every component",
+}
+"""Sorts of pictures that are made alone: the key of their figure and its name in the table."""
 _SETTLED_IMAGES = 2000
 """Pictures after which memory should have stopped growing."""
 
@@ -44,12 +49,12 @@ def main(arguments: Sequence[str]) -> None:
     plain = load_ranges(options.ranges)
     if options.lighting_passes is not None:
         plain = plain.with_passes(options.lighting_passes)
-    single = plain.with_passes(1)
     every = every_component(plain)
+    made = plain, every, plain.with_passes(1), every.with_passes(1)
+    sorts = dict(zip(_SORTS, made, strict=True))
     scene = {"seed": options.seed, "size": options.size}
     # First, while nothing else is in memory.
     memory = peak_memory_mb(plain, images=options.images, **scene)
-    sorts = {"plain": plain, "every": every, "single": single, "single_every": every.with_passes(1)}
     alone = images_per_s(sorts, repeats=options.repeats, **scene)
     parts = component_us(every.with_passes(1), repeats=options.repeats, **scene)
     loops = {"weights": options.weights, "repeats": options.repeats, "steps": options.steps}
@@ -197,16 +202,14 @@ def _figures(
     trained: dict[str, dict[str, Any]],
 ) -> dict[str, Any]:
     return {
-        "images_per_s": alone["plain"].median,
+        **{name: rate.median for name, rate in alone.items()},
+        **{f"{name}_iqr": rate.iqr for name, rate in alone.items()},
         "live_over_cached_small": trained["small"]["ratio"],
         "live_over_cached_large": trained["large"]["ratio"],
         "component_us": {name: part.median for name, part in parts.items()},
         "peak_rss_mb": memory["peak"],
         "settled_rss_mb": memory["settled"],
         "memory_images": memory["images"],
-        "images_per_s_iqr": alone["plain"].iqr,
-        **{f"{_SORTS[name]}_images_per_s": alone[name].median for name in _SORTS},
-        **{f"{_SORTS[name]}_images_per_s_iqr": alone[name].iqr for name in _SORTS},
         "component_us_iqr": {name: part.iqr for name, part in parts.items()},
         "component_is_noise": {name: part.is_noise for name, part in parts.items()},
         "training_images_per_s": {
@@ -240,10 +243,8 @@ def _table(figures: dict[str, Any]) -> str:
 
 
 def _rate_lines(figures: dict[str, Any]) -> Iterator[str]:
-    for name in ("", *_SORTS.values()):
-        key = f"{name}_images_per_s".lstrip("_")
-        what = name.replace("_", " ") or "synthesis"
-        yield line(f"{what}, pictures/s", f"{figures[key]:.1f}", f"{figures[f'{key}_iqr']:.1f}")
+    for name, what in _SORTS.items():
+        yield line(f"{what}, pictures/s", f"{figures[name]:.1f}", f"{figures[f'{name}_iqr']:.1f}")
     for kind, rates in figures["training_images_per_s"].items():
         for name, rate in rates.items():
             iqr = figures["training_images_per_s_iqr"][kind][name]

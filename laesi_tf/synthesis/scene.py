@@ -225,7 +225,7 @@ def render(
     which of the ranges' kinds of leaves it is.
     """
     parts = _parts(ranges)
-    laid = _laid_out(scene, size, parts, textures)
+    laid = _lay_out(scene, size, parts, textures)
     image, mask = pixels.with_leaf(
         laid.sheet, laid.blade, scene.surface, scene.light, laid.place.view.px_per_mm, parts
     )
@@ -237,7 +237,7 @@ def render_passes(
 ) -> list[dict[str, tf.Tensor]]:
     """The pictures, each as `render` makes it, of scenes that differ in their light alone."""
     parts = _parts(ranges)
-    laid = _laid_out(passes[0], size, parts, textures)
+    laid = _lay_out(passes[0], size, parts, textures)
     px_per_mm = laid.place.view.px_per_mm
     leaf, mask = pixels.unlit(laid.blade, passes[0].surface, px_per_mm, size, parts)
     return [
@@ -252,7 +252,7 @@ def _parts(ranges: Ranges) -> Parts:
     return tuple(name for name in COMPONENTS if ranges.has(name))
 
 
-def _laid_out(scene: Scene, size: Size, parts: Parts, textures: tf.Tensor | None) -> Laid:
+def _lay_out(scene: Scene, size: Size, parts: Parts, textures: tf.Tensor | None) -> Laid:
     key, place = scene.key, geometry(scene, size)
     view = place.view
     extent = tf.stack([tf.reduce_min(place.outline, axis=0), tf.reduce_max(place.outline, axis=0)])
