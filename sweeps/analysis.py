@@ -1,7 +1,8 @@
 """Say what a sweep found: tables, pictures and a page of findings in a folder.
 
 With --storage its studies are first written there as CSV with their seeds: screening.csv, and where there
-are such studies finalists.csv and search.csv. Without, the CSV files that are there are analysed again.
+are such studies finalists.csv, spread.csv and search.csv. Without, the CSV files that are there are
+analysed again.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from sweeps.store import Rules, Store
 from sweeps.tables import Row
 
 PAGE = "README.md"
-_STUDIES = {"screening": "grid", "finalists": "finalists", "search": "tpe"}
+_STUDIES = {"screening": "grid", "finalists": "finalists", "spread": "spread", "search": "tpe"}
 _QUANTILES = (0.1, 0.5, 0.9)
 _INTRODUCTION = """# What the sweep found
 
@@ -87,6 +88,13 @@ def analyse(found: dict[str, list[Row]], out: Path, *, replays: int) -> dict[str
         charts.ranks(out / "ranks.png", final)
         page += findings.of_finalists(final, len({row.seed for row in found["finalists"]}))
         pictures.append("ranks.png")
+    if found["spread"]:
+        spread = ranks.again(screened, found["spread"])
+        figures["spread"] = [dataclasses.asdict(one) for one in spread]
+        figures["agreement_over_the_ranking"] = [dataclasses.asdict(one) for one in ranks.agreements(spread)]
+        charts.ranks(out / "spread.png", spread)
+        page += findings.of_spread(spread, len({row.seed for row in found["spread"]}))
+        pictures.append("spread.png")
     if spending.is_whole(screened):
         steps = told.get("search", {}).get("budget", {}).get("steps", 1)
         page += _spent(screened, found["search"], out, steps=steps, replays=replays)

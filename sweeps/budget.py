@@ -78,7 +78,7 @@ class Budget:
 
 SCREENING = Budget()
 FINAL = Budget(size=96, steps=240, pictures=8192, validation=512, calibration=512)
-"""What all points are tried with, and the best of them again.
+"""What all points are tried with, and some of them again.
 
 A screening trial takes some eight seconds of one core, so that all 1,425 take two cores about an hour and a
 half. In 40 steps hardly a point gets below the error of a single guess for all pictures; in 80 some do.
@@ -96,7 +96,7 @@ def add_budget(made: argparse.ArgumentParser) -> None:
     """Add an option for each field of Budget; one that is not given is None."""
     for field in dataclasses.fields(Budget):
         low, high = (getattr(preset, field.name) for preset in (SCREENING, FINAL))
-        default = f"{low}, for finalists {high}" if low != high else f"{low}"
+        default = f"{low}, for what is tried again {high}" if low != high else f"{low}"
         made.add_argument(
             f"--{field.name.replace('_', '-')}",
             type=_PARSED[type(low)][0],

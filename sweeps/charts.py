@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from laesi_tf.files import write_figure
 from sweeps.effects import Effect
 from sweeps.grid import FACTORS, OPTIMUM, POINTS
-from sweeps.ranks import Final
+from sweeps.ranks import Again
 from sweeps.tables import Row
 
 _OPTIMUM_COLOUR = "tab:red"
@@ -86,17 +86,17 @@ def parallel(path: Path, rows: Sequence[Row]) -> None:
     write_figure(path, figure)
 
 
-def ranks(path: Path, found: Sequence[Final]) -> None:
+def ranks(path: Path, found: Sequence[Again]) -> None:
     """The error at the larger budget against that of the screening."""
     figure = Figure(figsize=(6, 5), layout="constrained")
     axes = figure.subplots()
     optimum = POINTS.index(OPTIMUM)
-    for final in found:
-        colour = _OPTIMUM_COLOUR if final.number == optimum else "tab:blue"
-        axes.loglog(final.screened, final.mre, "o", color=colour)
+    for one in found:
+        colour = _OPTIMUM_COLOUR if one.number == optimum else "tab:blue"
+        axes.loglog(one.screened, one.mre, "o", color=colour)
         axes.annotate(
-            str(final.number),
-            (final.screened, final.mre),
+            str(one.number),
+            (one.screened, one.mre),
             fontsize=6,
             xytext=(3, 3),
             textcoords="offset points",

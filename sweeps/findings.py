@@ -7,7 +7,7 @@ import numpy as np
 
 from sweeps.effects import Effect, Fit
 from sweeps.grid import OPTIMUM, POINTS
-from sweeps.ranks import Agreement, Final, agreements, place_of_optimum
+from sweeps.ranks import Again, Agreement, Final, agreements, place_of_optimum
 from sweeps.tables import Row
 
 _WORTH_KNOWING = 0.01
@@ -88,6 +88,19 @@ def of_finalists(found: Sequence[Final], seeds: int) -> list[str]:
             ["number", "point", "screening MRE %", "MRE %", "behind the best, %"],
             [[f.number, _told(f.number), f"{f.screened:.1f}", f"{f.mre:.1f}", _behind(f)] for f in found],
         ),
+    ]
+
+
+def of_spread(found: Sequence[Again], seeds: int) -> list[str]:
+    """Whether the two budgets rank alike from the best to the worst."""
+    return [
+        "## From best to worst",
+        "",
+        f"{len(found)} points spread evenly over the ranking of the screening were tried again at the larger "
+        f"budget, with {seeds} {'seed' if seeds == 1 else 'seeds'} each.",
+        "",
+        *(_agreement(one) for one in agreements(found)),
+        "",
     ]
 
 

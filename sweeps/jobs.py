@@ -1,6 +1,8 @@
-"""Which jobs a study has: the points of the grid, or the best of them with several seeds."""
+"""Which jobs a study has: the points of the grid, or some of them again with several seeds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
 
 from laesi_tf.errors import InputError
 from sweeps.book import Job
@@ -21,19 +23,18 @@ def finalists(screened: Mapping[str, Standing], *, count: int, seeds: int) -> li
 
     Raises InputError if the screening is not complete.
     """
-    open_ones = [name for name, standing in screened.items() if not standing.complete]
-    if not screened or open_ones:
-        raise InputError(
-            f"the screening is not complete: {len(open_ones)} of {len(screened)} points are open"
-        )
-    mre = {name: standing.complete.values[0] for name, standing in screened.items() if standing.complete}
-    best = sorted(mre, key=lambda name: (mre[name], name))[:count]
-    names = dict.fromkeys([*best, f"{POINTS.index(OPTIMUM):04d}"])
-    return [
-        Job(f"{name}/{seed}", POINTS[int(name)].levels, seed)
-        for name in names
-        for seed in range(SCREENING_SEED + 1, SCREENING_SEED + 1 + seeds)
-    ]
+    names = dict.fromkeys([*_ranking(screened)[:count], f"{POINTS.index(OPTIMUM):04d}"])
+    return _again(names, seeds)
+
+
+def spread(screened: Mapping[str, Standing], *, count: int, seeds: int) -> list[Job]:
+    """`count` points from the best to the worst of a screening, evenly over its ranking; else as finalists.
+
+    Whether a screening ranks as a larger budget does cannot be seen from its best alone, which are alike.
+    """
+    ranking = _ranking(screened)
+    places = np.linspace(0, len(ranking) - 1, min(count, len(ranking))).round().astype(int)
+    return _again((ranking[place] for place in places), seeds)
 
 
 def numbers(text: str) -> list[int]:
@@ -47,6 +48,25 @@ def numbers(text: str) -> list[int]:
     if not found or max(found) >= len(POINTS):
         raise InputError(f"--points {text!r} is not within 0-{len(POINTS) - 1}")
     return sorted(found)
+
+
+def _ranking(screened: Mapping[str, Standing]) -> list[str]:
+    """The names of the points, the best first."""
+    open_ones = [name for name, standing in screened.items() if not standing.complete]
+    if not screened or open_ones:
+        raise InputError(
+            f"the screening is not complete: {len(open_ones)} of {len(screened)} points are open"
+        )
+    mre = {name: standing.complete.values[0] for name, standing in screened.items() if standing.complete}
+    return sorted(mre, key=lambda name: (mre[name], name))
+
+
+def _again(names: Iterable[str], seeds: int) -> list[Job]:
+    return [
+        Job(f"{name}/{seed}", POINTS[int(name)].levels, seed)
+        for name in names
+        for seed in range(SCREENING_SEED + 1, SCREENING_SEED + 1 + seeds)
+    ]
 
 
 def backbone(job: Job, budget: Budget) -> str:

@@ -23,18 +23,35 @@ class Agreement:
 
 
 @dataclass(frozen=True)
-class Final:
-    """A finalist: the mean of its logarithms over seeds as an MRE, and how much worse it is than the best, %.
-
-    The interval of the difference is simultaneous over all finalists; below zero it may be the better one.
-    """
+class Again:
+    """A point tried again: its MRE in the screening, and that of now, the geometric mean over seeds."""
 
     number: int
     screened: float
     mre: float
+
+
+@dataclass(frozen=True)
+class Final(Again):
+    """A finalist, and how much worse it is than the best, %.
+
+    The interval of the difference is simultaneous over all finalists; below zero it may be the better one.
+    """
+
     behind: float
     low: float
     high: float
+
+
+def again(screened: Sequence[Row], rows: Sequence[Row]) -> list[Again]:
+    """The points of `rows`, in the order of their numbers."""
+    before = {row.number: row.mre for row in screened}
+    logs: dict[int, list[float]] = {}
+    for row in rows:
+        logs.setdefault(row.number, []).append(np.log(row.mre))
+    return [
+        Again(number, before[number], float(np.exp(np.mean(own)))) for number, own in sorted(logs.items())
+    ]
 
 
 def finals(screened: Sequence[Row], rows: Sequence[Row]) -> list[Final]:
@@ -74,7 +91,7 @@ def finals(screened: Sequence[Row], rows: Sequence[Row]) -> list[Final]:
     ]
 
 
-def agreements(found: Sequence[Final]) -> list[Agreement]:
+def agreements(found: Sequence[Again]) -> list[Agreement]:
     """Kendall's tau and Spearman's rho between the screening and the larger budget."""
     pairs = np.array([(final.screened, final.mre) for final in found])
     random = np.random.default_rng(_SEED)

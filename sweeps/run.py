@@ -2,7 +2,9 @@
 
 Start it again to continue, on as many machines as you like if the storage is PostgreSQL. Every point ends
 once as complete; what a point fails with is kept with its trial. With --finalists the best points of a
-finished study are tried again at a larger budget, with --sampler tpe the same space is searched freely.
+finished study are tried again at a larger budget, with --spread as many from its best to its worst, which
+shows whether the small budget ranks as the larger does. With --sampler tpe the same space is searched
+freely.
 """
 
 import argparse
@@ -27,7 +29,7 @@ from sweeps.ledger import Ledger
 from sweeps.orders import STORAGE, Orders, beside
 from sweeps.store import Rules, Store
 
-FINALISTS = "finalists"
+FINALISTS, SPREAD = "finalists", "spread"
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -59,10 +61,12 @@ def _filled(ledger: Book, options: argparse.Namespace) -> int:
 
 
 def _jobs(options: argparse.Namespace, store: Store) -> list[Job]:
-    if not options.finalists:
+    if not (options.finalists or options.spread):
         return jobs.screening(jobs.numbers(options.points))
-    screened = Ledger(store, options.screened, FACTORS)
-    return jobs.finalists(screened.standings(), count=options.finalists, seeds=options.seeds)
+    screened = Ledger(store, options.screened, FACTORS).standings()
+    if options.finalists:
+        return jobs.finalists(screened, count=options.finalists, seeds=options.seeds)
+    return jobs.spread(screened, count=options.spread, seeds=options.seeds)
 
 
 def _figures(book: Book) -> dict[str, Any]:
@@ -98,15 +102,16 @@ def _summary(figures: dict[str, Any]) -> str:
 
 
 def _orders(options: argparse.Namespace) -> Orders:
-    if options.finalists and options.sampler != "grid":
-        raise InputError("--finalists are of the grid: leave --sampler out")
+    again = (options.finalists and FINALISTS) or (options.spread and SPREAD)
+    if again and options.sampler != "grid":
+        raise InputError(f"--{again} takes points of the grid: leave --sampler out")
     cores = os.cpu_count() or 1
-    study = options.study or (FINALISTS if options.finalists else options.sampler)
+    study = options.study or again or options.sampler
     beats = options.heartbeat
     return Orders(
         storage=options.storage,
         study=study,
-        budget=budget_of(options, FINAL if options.finalists else SCREENING),
+        budget=budget_of(options, FINAL if again else SCREENING),
         # Six beats: tracing a network can keep a worker from one or two.
         rules=Rules(options.retries, options.time_limit, beats, 6 * beats),
         folder=options.folder or beside(options.storage),
@@ -124,9 +129,13 @@ def _options() -> argparse.ArgumentParser:
     made.add_argument("--sampler", choices=("grid", "tpe"), default="grid", help="all points, or a search")
     made.add_argument("--trials", type=positive, default=150, help="trials of a search")
     made.add_argument("--points", default="0-1424", help="numbers of points, as 0-19,380")
-    made.add_argument("--finalists", type=positive, help="try this many best, and the paper's optimum, again")
-    made.add_argument("--screened", default="grid", metavar="STUDY", help="the study finalists come from")
-    made.add_argument("--seeds", type=positive, default=3, help="seeds of each finalist")
+    again = made.add_mutually_exclusive_group()
+    again.add_argument(
+        "--finalists", type=positive, help="try this many best, and the paper's optimum, again"
+    )
+    again.add_argument("--spread", type=positive, help="try this many from the best to the worst again")
+    made.add_argument("--screened", default="grid", metavar="STUDY", help="the study those come from")
+    made.add_argument("--seeds", type=positive, default=3, help="seeds of each that is tried again")
     made.add_argument("--retries", type=int, default=3, help="attempts at a point after the first")
     made.add_argument("--time-limit", type=float, default=300.0, metavar="S", help="seconds a trial may take")
     made.add_argument(

@@ -105,6 +105,16 @@ def test_ranks_agree_where_they_do() -> None:
         assert one.low < 0 < one.high
 
 
+def test_points_tried_again_are_paired_with_the_screening() -> None:
+    rows = [Row(7, POINTS[7], seed, mre, 1.0) for seed, mre in ((1, 10.0), (2, 40.0))]
+    screened = screening()
+    (one,) = ranks.again(screened, rows)
+    assert (one.number, one.screened, one.mre) == (7, screened[7].mre, pytest.approx(20))
+    many = [ranks.Again(n, 50.0 + n, 20.0 + n) for n in range(12)]
+    page = "\n".join(findings.of_spread(many, 1))
+    assert "12 points" in page and "with 1 seed each" in page and "budgets: 1.00 [1.00, 1.00]." in page
+
+
 def test_the_optimum_has_its_place() -> None:
     rows = screening()
     place, of = ranks.place_of_optimum(rows)

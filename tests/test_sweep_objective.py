@@ -109,3 +109,7 @@ def test_finalists_are_the_best_and_the_papers_optimum(tmp_path: Path) -> None:
         f"{n}/{seed}" for n in ("0004", "0003", "0002") for seed in (1, 2, 3)
     ]
     assert all(isinstance(job, Job) and job.seed == int(job.name[-1]) for job in chosen)
+    # From best to worst the points are 4, 3, 5, 2, 1, 0.
+    spread = jobs.spread(ledger.standings(), count=3, seeds=1)
+    assert [job.name for job in spread] == ["0004/1", "0005/1", "0000/1"]
+    assert len(jobs.spread(ledger.standings(), count=99, seeds=2)) == 12

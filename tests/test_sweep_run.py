@@ -47,6 +47,8 @@ def test_it_works_off_points_and_continues(tmp_path: Path, capsys: pytest.Captur
         (["--weights-large", "absent.h5"], "no weights file"),
         (["--finalists", "3"], "screening is not complete"),
         (["--finalists", "3", "--sampler", "tpe"], "leave --sampler out"),
+        (["--spread", "3"], "screening is not complete"),
+        (["--spread", "3", "--finalists", "3"], "not allowed with"),
         (["--time-limit", "0"], "are not to be had"),
         (["--json", "."], "is a folder"),
         (["--sampler", "random"], "invalid choice"),
