@@ -30,9 +30,10 @@ _QUANTILES = (0.1, 0.5, 0.9)
 _INTRODUCTION = """# What the sweep found
 
 Made by `python -m sweeps.analysis`; the trials are in the CSV files beside it. Lower MRE is better.
-Intervals are 95 %, simultaneous over what a table compares. A change in percent is one of the MRE itself:
--10 % takes 50 % to 45 %. What is not told apart may still differ. All trials use synthetic pictures and a
-budget far below a full training: these are findings about the start of training on such pictures.
+Intervals are 95 %, simultaneous over the levels of a factor, the pairs of two, or the finalists. A change in
+percent is one of the MRE itself: -10 % takes 50 % to 45 %. What is not told apart may still differ. The
+screening has one seed and one set of pictures for all points: its intervals say nothing of others. All
+trials use synthetic pictures and a budget far below a full training: these are findings about its start.
 """
 
 

@@ -57,13 +57,16 @@ def interactions(path: Path, pairs: Sequence[Effect], factors: Sequence[str]) ->
 
 
 def parallel(path: Path, rows: Sequence[Row]) -> None:
-    """Every trial as a line through its levels to its error, the best in colour, the paper's optimum red."""
+    """Every trial as a line through its levels to its error, the best in colour, the paper's optimum red.
+
+    Errors stand in the order of their ranks: most lie close together and few are many times as large.
+    """
     figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.subplots()
-    errors = np.log([row.mre for row in rows])
-    heights = (errors - errors.min()) / max(float(np.ptp(errors)), 1e-9)
+    errors = np.array([row.mre for row in rows])
+    heights = np.argsort(np.argsort(errors, kind="stable")) / max(1, len(rows) - 1)
     random = np.random.default_rng(0)
-    best = np.quantile(heights, 0.02)
+    best = 0.02
     for place in np.argsort(errors)[::-1]:
         levels = rows[place].point.levels
         at = [FACTORS[name].index(level) / (len(FACTORS[name]) - 1) for name, level in levels.items()]
@@ -80,9 +83,11 @@ def parallel(path: Path, rows: Sequence[Row]) -> None:
         for place, name in enumerate(names):
             ground = {"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.5}
             axes.text(across + 0.02, place / (len(names) - 1), name, fontsize=6, bbox=ground, zorder=4)
-    shown = np.exp([errors.min(), errors.max()])
-    axes.set_xticks(range(len(FACTORS) + 1), [*FACTORS, f"MRE, {shown[0]:.0f} to {shown[1]:.0f} %"])
-    axes.set_yticks([])
+    axes.set_xticks(range(len(FACTORS) + 1), [*FACTORS, "MRE, %, by rank"])
+    tenths = np.linspace(0, 1, 11)
+    axes.yaxis.tick_right()
+    axes.set_yticks(tenths, [f"{error:.0f}" for error in np.quantile(errors, tenths)])
+    axes.set_xlim(-0.1, len(FACTORS))
     write_figure(path, figure)
 
 
@@ -133,6 +138,11 @@ def spending(
         axes.step(
             went[0] / steps, went[1], where="post", color="tab:orange", label="TPE with pruning, one run"
         )
-    axes.set(xscale="log", xlabel="trials; with pruning, steps in units of a trial", ylabel="lowest MRE, %")
+    axes.set(xscale="log", yscale="log", xlabel="trials; with pruning, steps in units of a trial")
+    axes.set_ylabel("lowest MRE, %")
+    axes.xaxis.set_major_formatter("{x:g}")
+    # Seldom a whole power of ten: the ticks between are told as well.
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
     axes.legend()
     write_figure(path, figure)

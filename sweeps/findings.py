@@ -51,6 +51,10 @@ def of_screening(rows: Sequence[Row], fitted: Fit) -> list[str]:
         "",
         f"Of the variance of the logarithm of the MRE: {shares}; left over {100 * fitted.residual:.1f} %.",
         "",
+        "Compared with the average of a factor's levels, in the order of what the factors explain:",
+        "",
+        *_in_words(fitted),
+        "",
         *_table(
             ["factor", "level", "change of the MRE, %", "told apart from the average"],
             [[e.factor, e.level, _interval(e), _verdict(e)] for e in fitted.main],
@@ -130,6 +134,21 @@ def of_spending(
             f"whole ones and reached {lowest[-1]:.1f} %.",
             "",
         ]
+    return lines
+
+
+def _in_words(fitted: Fit) -> list[str]:
+    """A sentence for each factor, that of the largest share first."""
+    factors = dict.fromkeys(effect.factor for effect in fitted.main)
+    lines = []
+    for factor in sorted(factors, key=lambda name: -fitted.shares[name]):
+        effects = sorted((e for e in fitted.main if e.factor == factor), key=lambda effect: effect.change)
+        sorts: dict[str, list[str]] = {"better": [], "worse": []}
+        for effect in effects:
+            if effect.is_told_apart:
+                sorts[_verdict(effect)].append(effect.level)
+        told = [f"{sort}: {', '.join(levels)}" for sort, levels in sorts.items() if levels]
+        lines.append(f"- {factor} — {'; '.join(told) or 'no level can be told from the average'}.")
     return lines
 
 

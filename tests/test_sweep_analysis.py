@@ -62,6 +62,8 @@ def _augmentations(seed: int) -> list[effects.Effect]:
 def test_interactions_worth_knowing_are_the_one_put_in() -> None:
     fitted = effects.fit(screening())
     assert findings.worth_knowing(fitted) == ["start x optimizer"]
+    said = findings.of_screening(screening(), fitted)
+    assert "- augmentation — no level can be told from the average." in said
 
 
 def test_parts_of_the_grid_must_be_balanced() -> None:
@@ -168,6 +170,8 @@ def test_everything_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str
         "- screening: 80 steps of 32",
         "1425 points, one seed",
         "| optimizer | sgd | +",
+        "- optimizer — better: ",
+        "; worse: sgd.",
         "comes",
         "## Searching",
     ):
