@@ -35,7 +35,8 @@ class Again:
 class Final(Again):
     """A finalist, and how much worse it is than the best, %.
 
-    The interval of the difference is simultaneous over all finalists; below zero it may be the better one.
+    The interval of the difference is one of Tukey's, simultaneous over all pairs of finalists: which is best
+    is found from the same trials. Where it reaches below zero the finalist may be the better one.
     """
 
     behind: float
@@ -69,8 +70,10 @@ def finals(screened: Sequence[Row], rows: Sequence[Row]) -> list[Final]:
     means = table.mean(axis=1)
     left_over = table - means[:, None] - table.mean(axis=0) + table.mean()
     freedom = (len(numbers) - 1) * (len(seeds) - 1)
-    chance = np.sqrt(2 * np.sum(left_over**2) / freedom / len(seeds))
-    reach = chance * stats.t.ppf(1 - (1 - _CONFIDENCE) / 2 / max(1, len(numbers) - 1), freedom)
+    reach = np.inf
+    if freedom:
+        chance = np.sqrt(np.sum(left_over**2) / freedom / len(seeds))
+        reach = chance * stats.studentized_range.ppf(_CONFIDENCE, len(numbers), freedom)
     before = {row.number: row.mre for row in screened}
     order = np.argsort(means, kind="stable")
     behind = means - means[order[0]]

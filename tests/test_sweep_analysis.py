@@ -97,6 +97,22 @@ def test_finalists_are_told_apart_as_far_as_seeds_allow() -> None:
     assert "comes 10th of 10" in page and "is behind the best" in page
 
 
+def test_finalists_that_are_alike_are_not_told_apart() -> None:
+    """The best of thirty is so by luck: intervals against it alone tell some apart in every fourth case."""
+    before, wrong = screening(), 0
+    for seed in range(60):
+        logs = np.random.default_rng(seed).normal(3.0, 0.1, (30, 3))
+        rows = [Row(n, POINTS[n], s, math.exp(logs[n, s]), 1.0) for n in range(30) for s in range(3)]
+        wrong += any(final.low > 0 for final in ranks.finals(before, rows)[1:])
+    assert wrong <= 8
+
+
+def test_one_seed_tells_no_finalists_apart() -> None:
+    found = ranks.finals(screening(), finalists(behind=0.5, seeds=1))
+    assert all((final.low, final.high) == (-100, math.inf) for final in found)
+    assert "cannot be told from the best" in "\n".join(findings.of_finalists(found, 1))
+
+
 def test_ranks_agree_where_they_do() -> None:
     same = [ranks.Final(n, 50.0 + n, 20.0 + n, 0, 0, 0) for n in range(30)]
     random = np.random.default_rng(0)
