@@ -133,7 +133,12 @@ def _parser() -> argparse.ArgumentParser:
     made.add_argument("--count", type=positive, required=True, metavar="N", help="pictures in the data set")
     made.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the data set")
     made.add_argument("--size", type=size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH")
-    made.add_argument("--seed", type=int, default=0, help="seed of the scenes")
+    made.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="seed of the scenes; what is to test a model needs another than it was trained with",
+    )
     made.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="where scenes come from")
     made.add_argument("--format", choices=tuple(WRITERS), default="records", help="TFRecord, or JPEG and PNG")
     made.add_argument("--per-shard", type=positive, default=1000, metavar="N", help="pictures in a shard")

@@ -305,10 +305,11 @@ def _training(config: TrainConfig, data_service: str) -> Stream:
 
     Live scenes are made by the `data_service` at that address where there is one.
     """
-    sources, batch_size = _sources(config), config.batch_size
-    if sources and data_service:
+    batch_size = config.batch_size
+    if config.mixture and data_service:
         raise InputError("--data-service makes live scenes only; leave out --data-service or --mixture")
     textures = load_textures(config.textures) if config.textures else None
+    sources = _sources(config, textures)
     ranges = load_ranges(config.ranges)
 
     def live(places: tf.data.Dataset) -> tf.data.Dataset:
@@ -351,11 +352,19 @@ def _examples(numbered: tf.data.Dataset, config: TrainConfig) -> tf.data.Dataset
     return numbered.map(lambda place, picture: (place, synthetic.example(picture, task_name)))
 
 
-def _sources(config: TrainConfig) -> list[mixture.Source]:
+def _sources(config: TrainConfig, textures: tf.Tensor | None) -> list[mixture.Source]:
     if not config.mixture:
         return []
-    masked = config.task == "mask"
-    return mixture.load_mixture(config.mixture, size=config.size, seed=config.seed, masked=masked)
+    if config.lighting_passes != 1:
+        raise InputError("a mixture has one light for each leaf; leave out --lighting-passes or --mixture")
+    return mixture.load_mixture(
+        config.mixture,
+        size=config.size,
+        seed=config.seed,
+        masked=config.task == "mask",
+        ranges=config.ranges,
+        textures=textures,
+    )
 
 
 def _synthetic_validation(config: TrainConfig) -> Batches:

@@ -84,6 +84,12 @@ def test_vignette_darkens_corners() -> None:
     assert field[80, 80] == pytest.approx(1, abs=0.01) and field[0, 0] == pytest.approx(0.85, abs=0.03)
 
 
+@pytest.mark.parametrize("size", [(80, 160), (160, 80)])
+def test_light_falls_alike_on_either_side_of_the_middle(size: tuple[int, int]) -> None:
+    field = light.illumination(plain(vignette=0.3), light.lattice(Key(0, 0)), size).numpy()
+    np.testing.assert_allclose(field, field[::-1, ::-1], atol=0.01)
+
+
 def test_a_hands_shadow_takes_its_strength_from_one_side() -> None:
     lit = plain(cast=True, cast_strength=0.5, cast_softness=0.02, cast_offset=0.0, cast_angle=0.0)
     field = light.illumination(lit, light.lattice(Key(0, 0)), SIZE).numpy()

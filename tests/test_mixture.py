@@ -113,6 +113,21 @@ def test_counts_bound_how_many_different_pictures_there_are(write: Write) -> Non
     assert len(images) == 20 + 10 + 1  # the photos look alike
 
 
+def test_live_sources_show_different_leaves(write: Write) -> None:
+    both = LIVE + "weight = 1\n" + LIVE.replace("scenes", "others") + "weight = 1\n"
+    areas = [[float(p["area_cm2"]) for p in source.stream(0).take(4)] for source in load(write(both))]
+    assert not set(areas[0]) & set(areas[1])
+
+
+def test_live_sources_have_the_ranges_and_textures_of_the_run(write: Write) -> None:
+    path, textures = write(LIVE + "count = 2\n"), tf.zeros([1, 8, 8, 3])
+    plain, other, textured = (
+        next(iter(load_mixture(path, size=SIZE, seed=3, masked=False, **more)[0].stream(0)))["image"].numpy()
+        for more in ({}, {"ranges": "rendering_1"}, {"textures": textures})
+    )
+    assert (plain != other).any() and (plain != textured).any()
+
+
 @pytest.mark.parametrize("stream", ["false", "true"])
 def test_photos_come_all_before_any_comes_again(write: Write, stream: str) -> None:
     (photos,) = load(write(f'[real]\nkind = "photos"\nweight = 1\nstream = {stream}\n'))
@@ -149,6 +164,7 @@ def test_ranges_stand_in_the_mixture_itself(write: Write) -> None:
         (f"{PHOTOS}weight = true\n", "wrong type"),
         (f"{LIVE}weight = 1\nranges = {{camrea = 1}}\n", "unknown key 'camrea'"),
         ("", "gives no source"),
+        (LIVE, "no weight and no count"),
         ("[live", "cannot read mixture"),
     ],
 )

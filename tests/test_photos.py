@@ -93,6 +93,7 @@ BAD = {
     "negative area": ("image,area_cm2\na.png,-3\n", "line 2: area_cm2 is '-3'"),
     "nan area": ("image,area_cm2\na.png,nan\n", "line 2: area_cm2 is 'nan'"),
     "infinite area": ("image,area_cm2\na.png,inf\n", "line 2: area_cm2 is 'inf'"),
+    "decimal comma": ("image,area_cm2\na.png,31,9\n", "line 2 has more cells than the header"),
     "wordy area": ("image,area_cm2\na.png,large\n", "line 2: area_cm2 is 'large'"),
     "no area": ("image,area_cm2\na.png\n", "line 2: area_cm2 is ''"),
     "zero scale": ("image,area_cm2,px_per_mm\na.png,1,0\n", "line 2: px_per_mm is '0'"),

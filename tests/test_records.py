@@ -1,5 +1,6 @@
 """TFRecord shards: what goes in comes out, and nothing half-written."""
 
+import dataclasses
 import resource
 import subprocess
 import sys
@@ -73,6 +74,14 @@ def test_shuffled_gives_all_again_and_again_in_a_new_order(folder: Path) -> None
     assert [
         int(picture["index"]) for picture in records.shuffled(folder, seed=1, start=13).take(17)
     ] == found[13:]
+
+
+def test_a_single_shard_is_shuffled_anew_as_well(tmp_path: Path) -> None:
+    fill(tmp_path, dataclasses.replace(CONTENTS, per_shard=CONTENTS.count))
+    found = [int(picture["index"]) for picture in records.shuffled(tmp_path, seed=1).take(30)]
+    assert len({tuple(found[first : first + 10]) for first in (0, 10, 20)}) == 3
+    tf.random.set_seed(9)
+    assert [int(picture["index"]) for picture in records.shuffled(tmp_path, seed=1).take(30)] == found
 
 
 def test_shuffled_stays_within_a_count(folder: Path) -> None:

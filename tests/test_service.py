@@ -115,8 +115,11 @@ def test_where_nobody_serves_is_said_at_once(tmp_path: Path) -> None:
         service.served(lambda places: places, "somewhere", batch_size=2, start=0)
 
 
-def test_a_mixture_is_not_made_elsewhere(tmp_path: Path) -> None:
+def test_a_mixture_is_not_made_elsewhere_nor_lit_several_times(tmp_path: Path) -> None:
     mixture = tmp_path / "mixture.toml"
     mixture.write_text('[only]\nkind = "live"\nweight = 1.0\n')
+    mixed = replace(CONFIG, mixture=str(mixture))
     with pytest.raises(InputError, match="--data-service or --mixture"):
-        fit(replace(CONFIG, mixture=str(mixture)), tmp_path / "run", data_service="localhost:1", show=False)
+        fit(mixed, tmp_path / "run", data_service="localhost:1", show=False)
+    with pytest.raises(InputError, match="--lighting-passes or --mixture"):
+        fit(replace(mixed, lighting_passes=2), tmp_path / "lit", show=False)

@@ -24,6 +24,7 @@ def load_pictures(
     `split` is one of a manifest's. Raises InputError where there is no picture.
     """
     if path.is_dir() and not (path / MANIFEST).is_file() and _has_records(path):
+        _require_no_split(path, split)
         found = _recorded(path, size, count)
         return np.stack([image for image, _ in found]), [name for _, name in found], []
     files = _spread(_files(path, split), count)
@@ -61,9 +62,13 @@ def _files(path: Path, split: str | None) -> list[Path]:
         return [photo.image for photo in read_manifest(manifest, split=split)]
     if not path.is_dir():
         raise InputError(f"no pictures at {path}; name a manifest or a folder")
+    _require_no_split(path, split)
+    return sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES)
+
+
+def _require_no_split(path: Path, split: str | None) -> None:
     if split is not None:
         raise InputError(f"{path} has no {MANIFEST}, which is what would name a split")
-    return sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES)
 
 
 def _spread(items: list, count: int) -> list:

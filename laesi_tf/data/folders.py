@@ -5,7 +5,6 @@ appears whole. When all are there, a manifest.csv beside them lists every pictur
 """
 
 import csv
-import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,17 +24,18 @@ def write_pictures(
     path: Path, pictures: Iterator[tuple[dict[str, np.ndarray], str]], contents: Contents
 ) -> None:
     """Write a shard's folder, whole or not at all. Raises InputError where the disk will not take it."""
-    temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     try:
-        rows = [_write(temporary, picture, species, contents) for picture, species in pictures]
-        write_csv(temporary / MANIFEST, COLUMNS, rows)
-        temporary.chmod(0o755)
-        temporary.rename(path)
+        with tempfile.TemporaryDirectory(
+            prefix=f".{path.name}-", dir=path.parent, ignore_cleanup_errors=True
+        ) as made:
+            temporary = Path(made)
+            rows = [_write(temporary, picture, species, contents) for picture, species in pictures]
+            write_csv(temporary / MANIFEST, COLUMNS, rows)
+            temporary.chmod(0o755)
+            temporary.rename(path)
     except OSError as error:
         reason = error.strerror or error
         raise InputError(f"cannot write {path} ({reason}); free space and run the command again") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def join_manifests(folder: Path, contents: Contents) -> None:

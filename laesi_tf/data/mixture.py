@@ -6,7 +6,7 @@ different pictures it gives (the paper's "1,7K real + 5K synthetic"):
     [scenes]
     kind = "live"               # scenes made on the fly
     count = 5000
-    ranges = "rendering_2"      # or a table of ranges, [scenes.ranges]
+    ranges = "rendering_2"      # or a table of ranges, [scenes.ranges]; those of the run if left out
 
     [cached]
     kind = "records"            # a data set that generate made
@@ -64,21 +64,34 @@ class Source:
     stream: Stream
 
 
-def load_mixture(path: Path | str, *, size: tuple[int, int], seed: int, masked: bool) -> list[Source]:
+def load_mixture(
+    path: Path | str,
+    *,
+    size: tuple[int, int],
+    seed: int,
+    masked: bool,
+    ranges: str = "rendering_2",
+    textures: tf.Tensor | None = None,
+) -> list[Source]:
     """The sources that a TOML file names, giving pictures of `size`; paths are relative to it.
 
-    With `masked`, photos without a mask are left out. Raises InputError for unknown keys, for weights beside
-    counts, and for a source that has fewer pictures than are asked of it.
+    With `masked`, photos without a mask are left out. Live scenes have the run's `ranges` unless the file
+    says otherwise, its `textures` (see `laesi_tf.synthesis.synthesise`), and one light for each leaf. Raises
+    InputError for unknown keys, for weights beside counts, and for a source that lists fewer pictures than
+    are asked of it.
     """
     path = Path(path)
     tables = _read(path)
     wanted = {name: table for name, table in tables.items() if _share(table) > 0}
     if not wanted:
         raise InputError(f"mixture {path} gives no source a weight or count above 0")
-    opened = Opening(path.parent, size, seed, masked)
-    return [
-        Source(name, _share(table), _OPEN[table["kind"]](table, opened)) for name, table in wanted.items()
-    ]
+    sources, lives = [], 0
+    for name, table in wanted.items():
+        # Another live source has a seed of its own: with the same one it would show the same leaves.
+        opened = Opening(path.parent, size, seed + lives, masked, ranges, textures)
+        sources.append(Source(name, _share(table), _OPEN[table["kind"]](table, opened)))
+        lives += table["kind"] == "live"
+    return sources
 
 
 def mix(sources: Sequence[Source], *, seed: int, start: int = 0) -> tf.data.Dataset:
@@ -105,20 +118,24 @@ class Opening:
     size: tuple[int, int]
     seed: int
     masked: bool
+    ranges: str
+    textures: tf.Tensor | None
 
 
 def _live(table: Mapping[str, Any], opened: Opening) -> Stream:
-    ranges = table.get("ranges", "rendering_2")
-    if isinstance(ranges, str) and ranges.endswith(".toml"):
+    ranges = table.get("ranges", opened.ranges)
+    if "ranges" in table and isinstance(ranges, str) and ranges.endswith(".toml"):
         ranges = opened.folder / ranges
     chosen = load_ranges(ranges).with_passes(1)
     if "count" not in table:
         return lambda start: synthetic.pictures(
-            seed=opened.seed, size=opened.size, ranges=chosen, start=start
+            seed=opened.seed, size=opened.size, ranges=chosen, start=start, textures=opened.textures
         )
     made = Pictures(
         table["count"],
-        lambda index: synthesise(opened.seed, size=opened.size, ranges=chosen, index=index),
+        lambda index: synthesise(
+            opened.seed, size=opened.size, ranges=chosen, index=index, textures=opened.textures
+        ),
     )
     return _again_and_again(made, opened)
 
@@ -192,6 +209,8 @@ def _read(path: Path) -> dict[str, dict[str, Any]]:
             raise InputError(f"mixture {path}: [{name}] is of kind {kind!r}; use {', '.join(_KEYS)}")
         for key, value in table.items():
             _check(key, value, _KEYS[kind], f"mixture {path}: [{name}]")
+        if not table.keys() & {"weight", "count"}:
+            raise InputError(f"mixture {path}: [{name}] has no weight and no count; 0 leaves it out")
     if len({share for table in tables.values() for share in ("weight", "count") if share in table}) > 1:
         raise InputError(f"mixture {path} has weights and counts; give every source one or the other")
     return tables

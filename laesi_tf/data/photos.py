@@ -75,6 +75,12 @@ def _rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:
     reader.fieldnames = columns
     for row in reader:
         where = f"{path} line {reader.line_num}"
+        # What is left over of a longer row; blank cells may follow, as in tables padded by Excel.
+        if any(cell.strip() for cell in row.get(None) or ()):
+            raise InputError(
+                f"{where} has more cells than the header; write decimals with a point, "
+                "or separate columns by semicolons"
+            )
         cells = {key: (value or "").strip() for key, value in row.items() if isinstance(value, str | None)}
         if not comma:
             cells = {key: _decimal_point(key, value) for key, value in cells.items()}

@@ -121,8 +121,8 @@ def read(folder: Path | str) -> tf.data.Dataset:
 def shuffled(folder: Path | str, *, seed: int, start: int = 0, count: int | None = None) -> tf.data.Dataset:
     """The pictures of a data set, or its first `count`, again and again, shuffled anew each time.
 
-    `start` of them are passed over. Shards are shuffled whole, then pictures among the `_AMONG` read last:
-    enough for the four lighting passes over a leaf to come apart. Raises InputError where shards are missing.
+    `start` of them are passed over. Shards are shuffled whole, then each `_AMONG` pictures in a row: enough
+    for the four lighting passes over a leaf to come apart. Raises InputError where shards are missing.
     """
     contents = read_contents(folder)
     count = contents.count if count is None else min(count, contents.count)
@@ -133,8 +133,14 @@ def shuffled(folder: Path | str, *, seed: int, start: int = 0, count: int | None
         return tf.io.parse_single_example(record, schema)["index"] < count
 
     def epoch(number: tf.Tensor) -> tf.data.Dataset:
-        order = tf.argsort(tf.random.stateless_uniform([len(files)], [seed, number]))
-        return tf.data.TFRecordDataset(tf.gather(files, order)).filter(wanted).shuffle(_AMONG, seed=seed)
+        def reordered(place: tf.Tensor, read: tf.Tensor) -> tf.data.Dataset:
+            key = [seed, number * 2**20 + place + 1]
+            order = tf.argsort(tf.random.stateless_uniform(tf.shape(read), key))
+            return tf.data.Dataset.from_tensor_slices(tf.gather(read, order))
+
+        order = tf.argsort(tf.random.stateless_uniform([len(files)], [seed, number * 2**20]))
+        kept = tf.data.TFRecordDataset(tf.gather(files, order)).filter(wanted)
+        return kept.batch(_AMONG).enumerate().flat_map(reordered)
 
     first, passed = divmod(start, count)
     return _decoded(tf.data.Dataset.range(first, 2**62).flat_map(epoch).skip(passed), contents)

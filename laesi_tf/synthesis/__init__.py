@@ -2,7 +2,8 @@
 
 Value contract: images are uint8 [H, W, 3] RGB 0..255 and masks uint8 [H, W] 0/1 outside this package; inside
 it they are planar float32 [3, H, W] and [H, W] in [0, 1]. Lengths are millimetres, areas cm2. Every random
-number comes from (seed, index): the same pair gives the same bytes.
+number comes from (seed, index): the same pair gives the same bytes from any dataset, and outside of one
+the same but for the last bit of rounding.
 """
 
 from pathlib import Path

@@ -37,9 +37,11 @@ class Camera:
     """Where the leaf's bounding box lies in the frame: 0 at one border, 1 at the other."""
     blurred: Number = Chance(0.5)
     blur_mm: Number = (0.03, 0.25)
-    """Standard deviation of the focus blur, mm on the sheet."""
+    """Spread of the focus blur, mm on the sheet: that of a Gaussian whose tails are cut off where that of the
+    widest is at 1.25 of its standard deviations."""
     noise: Number = (0.0, 0.025)
-    """Standard deviation in the shadows; half of it in the lights. A photo that is shrunk keeps little."""
+    """Standard deviation: 1.25 times this in the shadows, half of that in the lights. A photo that is shrunk
+    keeps little."""
     warmth: Number = (-0.2, 0.2)
     """White balance: gain of red against blue."""
     green: Number = (-0.06, 0.06)

@@ -43,7 +43,7 @@ def _lines(ranges: Ranges) -> Iterator[str]:
         yield from _table(name, numbers(getattr(ranges, name)))
     for kind, (weight, leaf) in ranges.leaf.items():
         yield from _table(f"leaf.{kind}", {"weight": weight, **numbers(leaf)})
-    for kind in RENDERING_2.leaf.keys() - ranges.leaf.keys():
+    for kind in (kind for kind in RENDERING_2.leaf if kind not in ranges.leaf):
         yield from _table(f"leaf.{kind}", {"weight": 0.0})
 
 

@@ -112,7 +112,7 @@ def lattice(key: Key) -> tf.Tensor:
 
 def illumination(light: Light, values: tf.Tensor, size: Size) -> tf.Tensor:
     """Relative illumination [H, W]: fall-off, vignetting, unevenness (by its `lattice`) and cast shadows."""
-    x, y = _frame(LATTICE)
+    x, y = _frame(LATTICE, size)
     along = direction(light)
     field = 1 + light.slope * (x * along[0] + y * along[1]) - light.vignette * (x * x + y * y)
     field *= 1 + light.unevenness * noise.simple(values, (LATTICE, LATTICE)).field
@@ -139,7 +139,7 @@ def glass(light: Light, size: Size) -> tf.Tensor:
     """How much [H, W] of the light comes from a pane: a veil and the soft-edged reflection of a window."""
 
     def reflect() -> tf.Tensor:
-        x, y = _frame(2 * LATTICE)
+        x, y = _frame(2 * LATTICE, size)
         cosine, sine = tf.cos(light.glass_angle), tf.sin(light.glass_angle)
         across = x * cosine + y * sine - light.glass_offset
         along = y * cosine - x * sine
@@ -157,7 +157,11 @@ def behind_glass(image: tf.Tensor, reflected: tf.Tensor) -> tf.Tensor:
     return image + reflected * (0.97 - image)
 
 
-def _frame(nodes: int) -> tuple[tf.Tensor, tf.Tensor]:
-    """Coordinates x [1, n] and y [n, 1] over the longer side of the picture, from -0.5 to 0.5."""
+def _frame(nodes: int, size: Size) -> tuple[tf.Tensor, tf.Tensor]:
+    """Coordinates x [1, n] and y [n, 1] from the centre of the picture, in units of its longer side.
+
+    The lattice is a square over the longer side that begins where the picture does.
+    """
     line = tf.linspace(-0.5, 0.5, nodes)
-    return line[None, :], line[:, None]
+    down, across = ((1 - side / max(size)) / 2 for side in size)
+    return line[None, :] + across, line[:, None] + down

@@ -17,6 +17,7 @@ A file names the preset it starts from and what it changes; everything else stay
 
 import dataclasses
 import difflib
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,6 +27,7 @@ from laesi_tf.errors import InputError
 from laesi_tf.synthesis.paper import Paper
 from laesi_tf.synthesis.ranges import Chance, numbers
 from laesi_tf.synthesis.scene import COMPONENTS, Ranges
+from laesi_tf.synthesis.veins import SECONDARIES
 
 RENDERING_2 = Ranges()
 RENDERING_1 = Ranges(
@@ -41,6 +43,8 @@ RENDERING_1 = Ranges(
 PRESETS: dict[str, Ranges] = {"rendering_1": RENDERING_1, "rendering_2": RENDERING_2}
 """The paper's two: "Rendering 2" narrows the noise of the paper model, nothing else (section 4.3)."""
 
+_DRAWABLE = {"closest_mm": (40.0, math.inf), "veins": (0.0, float(SECONDARIES))}
+"""What the renderer is laid out for: polygons have so many edges, and a leaf so many veins."""
 _ROOMS = ("paper", "surface", "light", "props", "camera", "desk")
 
 
@@ -86,9 +90,11 @@ def _merge(table: dict[str, Any], path: Path) -> Ranges:
 
 def _setting(key: str, value: Any, path: Path) -> Any:
     if key == "lighting_passes":
-        if not isinstance(value, int) or value < 1:
+        if not isinstance(value, int) or isinstance(value, bool) or value < 1:
             raise InputError(f"{path}: lighting_passes = {value!r} must be a whole number from 1 up")
         return value
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise InputError(f"{path}: without = {value!r} must be a list of components")
     for name in value:
         _known(name, COMPONENTS, f"{path}: without:")
     return frozenset(value)
@@ -115,6 +121,8 @@ def _room(start: Any, table: dict[str, Any], where: str) -> Any:
     for key, value in table.items():
         _known(key, tuple(known), where)
         changes[key] = _range(value, known[key], f"{where} {key}")
+        if key in _DRAWABLE:
+            _require_within(_DRAWABLE[key], changes[key], f"{where} {key}")
     return dataclasses.replace(start, **changes)
 
 
@@ -125,12 +133,22 @@ def _range(value: Any, start: Any, where: str) -> Any:
         if not isinstance(chance, int | float) or not 0 <= chance <= 1:
             raise InputError(f"{where} = {value!r} must be {{chance = p}} with p from 0 to 1")
         return Chance(float(chance))
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if _is_number(value):
         return float(value)
     pair = value if isinstance(value, list) else []
-    if len(pair) != 2 or not all(isinstance(item, int | float) for item in pair) or pair[0] > pair[1]:
+    if len(pair) != 2 or not all(map(_is_number, pair)) or pair[0] > pair[1]:
         raise InputError(f"{where} = {value!r} must be a number or [low, high]")
     return float(pair[0]), float(pair[1])
+
+
+def _require_within(limits: tuple[float, float], drawn: Any, where: str) -> None:
+    low, high = drawn if isinstance(drawn, tuple) else (drawn, drawn)
+    if not limits[0] <= low <= high <= limits[1]:
+        raise InputError(f"{where} = {drawn} cannot be drawn; stay within {limits[0]:g} to {limits[1]:g}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _table(value: Any, where: str) -> dict[str, Any]:

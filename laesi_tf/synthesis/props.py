@@ -40,7 +40,7 @@ class Props:
     pen_mm: Number = (70, 150)
     pen_thickness_mm: Number = (6, 12)
     coin: Number = Chance(0.1)
-    coin_mm: Number = (8, 13)
+    coin_mm: Number = (16, 26)
     handwriting: Number = Chance(0.25)
     handwriting_mm: Number = (8, 34)
     handwriting_height: Number = (0.12, 0.4)
@@ -219,7 +219,7 @@ def pen(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
 def coin(props: Props, stage: Stage, random: tf.Tensor) -> list[Item]:
     """A coin-like disk, with a raised rim."""
     angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-    circle = tf.constant(np.stack([np.cos(angle), np.sin(angle)], -1), tf.float32) * props.coin_mm
+    circle = tf.constant(np.stack([np.cos(angle), np.sin(angle)], -1), tf.float32) * (props.coin_mm / 2)
     points = place(circle, stage, props.direction + 3.0, props.turn, props.gap_mm)
     centre = tf.reduce_mean(points, axis=0)
     metal = tf.stack([0.62 + 0.2 * random[0], 0.6 + 0.15 * random[0], 0.55 - 0.15 * random[1]])[:, None, None]

@@ -62,7 +62,7 @@ def draw_one_of(rooms: list[Room], which: tf.Tensor, uniform: tf.Tensor) -> Room
         uniform = tf.concat([uniform, _low_bits(uniform[:lates])], axis=0)
     values = tf.unstack(low + uniform * (high - low))
     drawn = {
-        name: value > 0 if isinstance(spec, Chance) else value
+        name: value >= 0 if isinstance(spec, Chance) else value
         for (name, spec), value in zip(numbers(rooms[0]).items(), values, strict=True)
     }
     return dataclasses.replace(rooms[0], **drawn)  # type: ignore[type-var]
@@ -77,7 +77,7 @@ def _low_bits(uniform: tf.Tensor) -> tf.Tensor:
 
 
 def _bounds(spec: Any) -> tuple[float, float]:
-    """(low, high) of a range; a Chance p becomes the interval that is above zero with probability p."""
+    """(low, high) of a range; a Chance p becomes an interval not below zero with probability p."""
     if isinstance(spec, Chance):
         return spec.p - 1, spec.p
     if isinstance(spec, tuple):
