@@ -120,8 +120,9 @@ def above_zero(text: str, *, most: float = math.inf, what: str = "number") -> fl
 
 
 def size(text: str) -> tuple[int, int]:
-    """Parse `224` or `480x640` as (height, width) in pixels."""
+    """Parse `224` or `480x640` as (height, width) in pixels, as an argument's type."""
     parts = text.lower().split("x")
     if len(parts) > 2 or not all(part.isdigit() and 16 <= int(part) <= 8192 for part in parts):
-        raise InputError(f"size {text!r} is not a side or HEIGHTxWIDTH between 16 and 8192 pixels")
+        told = f"size {text!r} is not a side or HEIGHTxWIDTH between 16 and 8192 pixels"
+        raise argparse.ArgumentTypeError(told)
     return int(parts[0]), int(parts[-1])

@@ -129,8 +129,12 @@ def load(path: Path | str, **overrides: Any) -> TrainConfig:
     values.pop(PROVENANCE, None)
     try:
         return from_mapping(values | overrides)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    except InputError:
+        try:
+            from_mapping(values)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        raise
 
 
 def write(path: Path | str, config: TrainConfig, provenance: Mapping[str, Any]) -> None:
@@ -181,7 +185,10 @@ _KINDS = {str(str): "text", str(int): "a whole number", str(float): "a number"}
 def _size(value: Any) -> tuple[int, int]:
     """(height, width) from a side, "HEIGHTxWIDTH", or two numbers."""
     if isinstance(value, str):
-        return cli.size(value)
+        try:
+            return cli.size(value)
+        except argparse.ArgumentTypeError as error:
+            raise InputError(str(error)) from None
     sides = (value, value) if type(value) is int else value
     if isinstance(sides, list | tuple) and len(sides) == 2 and all(type(side) is int for side in sides):
         return sides[0], sides[1]

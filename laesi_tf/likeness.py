@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -44,17 +45,23 @@ def chart_violins(path: Path, scores: Mapping[str, np.ndarray], *, title: str) -
     write_figure(path, figure)
 
 
-def chart_umap(path: Path, features: Mapping[str, np.ndarray], *, title: str) -> None:
-    """Write a PNG of both sets in the plane that UMAP (McInnes et al., 2018) finds for them together.
-
-    Raises InputError where umap-learn is not installed.
-    """
+def require_umap() -> ModuleType:
+    """The package umap. Raises InputError where umap-learn is not installed."""
     try:
         import umap
     except ImportError as error:
         raise InputError(
             "the map needs umap-learn; install it with pip install 'laesi_tf[similarity]'"
         ) from error
+    return umap
+
+
+def chart_umap(path: Path, features: Mapping[str, np.ndarray], *, title: str) -> None:
+    """Write a PNG of both sets in the plane that UMAP (McInnes et al., 2018) finds for them together.
+
+    Raises InputError where umap-learn is not installed.
+    """
+    umap = require_umap()
     together = np.concatenate(list(features.values()))
     neighbours = min(_NEIGHBOURS, len(together) - 1)
     # A spectral start needs more pictures than it has dimensions; so few are laid out from anywhere.

@@ -98,7 +98,7 @@ def _parser() -> argparse.ArgumentParser:
         "--px-per-mm",
         type=above_zero,
         metavar="N",
-        help="scale of all photos in pixels per mm, for a mask model alone",
+        help="scale of all photos in pixels per mm, for rule_based or a mask model alone",
     )
     made.add_argument(
         "--grid-mm", type=above_zero, default=1.0, metavar="MM", help="distance of the paper's finest lines"

@@ -37,7 +37,7 @@ from laesi_tf.tasks import task
 
 CONFIG, STATE, HISTORY = "config.toml", "state.npz", "history.csv"
 BEST, METRICS, REPORT, TENSORBOARD = "best.keras", "metrics.json", "report.html", "tensorboard"
-EXPORTED = "weights.npz"
+EXPORTED, RANGES = "weights.npz", "ranges.toml"
 PRETRAINED = Path(__file__).parent / "pretrained"
 """Folders `area` and `mask`: the exported runs that come with the package."""
 _PACKAGES = ("laesi_tf", "tensorflow", "keras", "numpy", "opencv-contrib-python-headless")
@@ -74,6 +74,8 @@ def load_run(path: Path | str) -> Run:
     if not (path / CONFIG).is_file():
         raise InputError(f"no run in {path}: it has no {CONFIG}; name a folder that train wrote with --out")
     config = configuration.load(path / CONFIG)
+    if (path / RANGES).is_file():  # they may have changed, or be gone, where they came from
+        config = replace(config, ranges=str(path / RANGES))
     best = path / BEST
     if (path / EXPORTED).is_file():
         return Run(path, config, _exported(path / EXPORTED, config))
@@ -87,14 +89,19 @@ def load_run(path: Path | str) -> Run:
 
 
 def export(run: Run, out: Path) -> None:
-    """Write `run` into folder `out` as it is shipped: half the size, and without what only training needs."""
+    """Write `run` into folder `out` as it is shipped: half the size, and without what only training needs.
+
+    Raises InputError where `out` has files of something other than an export.
+    """
+    if out.is_dir() and any(out.iterdir()) and (not (out / EXPORTED).is_file() or (out / BEST).exists()):
+        raise InputError(f"{out} is neither empty nor an exported run; choose another --out")
     weights = {f"variable_{i}": variable.numpy().astype(np.float16) for i, variable in _numbered(run.model)}
     with whole(out / EXPORTED) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **weights)
     # Where files lay is nobody else's business: they are told by their names, or are copied.
     copied = [name for name in ("ranges", "mixture") if (run.path / f"{name}.toml").is_file()]
     paths: dict[str, Any] = {name: f"{name}.toml" for name in copied}
-    paths["weights"] = Path(run.config.weights).name
+    paths |= {name: Path(getattr(run.config, name)).name for name in ("weights", "textures")}
     named = replace(run.config, **paths)
     configuration.write(out / CONFIG, named, configuration.read(run.path / CONFIG)[configuration.PROVENANCE])
     for name in (METRICS, *(f"{name}.toml" for name in copied)):

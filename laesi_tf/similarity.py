@@ -18,7 +18,7 @@ import numpy as np
 from laesi_tf.data.collection import load_pictures
 from laesi_tf.errors import InputError
 from laesi_tf.files import require_writable, write_csv, write_json, write_text
-from laesi_tf.likeness import chart_umap, chart_violins, closest_pairs, nearest
+from laesi_tf.likeness import chart_umap, chart_violins, closest_pairs, nearest, require_umap
 from laesi_tf.models.embedding import NETWORKS, embedding
 from laesi_tf.overlay import captioned, sheet, write_png
 
@@ -31,6 +31,7 @@ def main(arguments: Sequence[str]) -> None:
     options = _options().parse_args(arguments)
     for path in (options.out / "similarity.csv", *([options.json] if options.json else [])):
         require_writable(path)
+    require_umap()
     pictures, names = {}, {}
     for key, path in (("a", options.a), ("b", options.b)):
         pictures[key], names[key] = _loaded(path, options.count, getattr(options, f"split_{key}"))

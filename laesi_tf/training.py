@@ -150,14 +150,15 @@ class _Fitting:
         try:
             for step in bar:
                 self.progress.seconds = before + time.monotonic() - begun
-                if step % self.config.validate_every == 0 or step == self.config.steps:
+                if self._owes_validation:
                     row = self._validate()
                     runs.log(writer, row)
                     bar.set_postfix_str(self._postfix(row))
                 if step % self.config.checkpoint_every == 0 or self.finished:
                     self._save()
         except KeyboardInterrupt:
-            if int(self.learner.optimizer.iterations) == self.progress.step:  # not in the middle of a step
+            # Not in the middle of a step, nor before the validation that follows one.
+            if int(self.learner.optimizer.iterations) == self.progress.step and not self._owes_validation:
                 self._save()
             raise
         finally:
@@ -167,6 +168,13 @@ class _Fitting:
     def finished(self) -> bool:
         impatient = 0 < self.config.patience <= self.progress.stale
         return self.progress.step >= self.config.steps or impatient
+
+    @property
+    def _owes_validation(self) -> bool:
+        """Whether the last step is one to judge the model after, and that is not done."""
+        step, history = self.progress.step, self.progress.history
+        due = step > 0 and (step % self.config.validate_every == 0 or step == self.config.steps)
+        return due and not (history and history[-1]["step"] == step)
 
     def _steps(self) -> Iterator[int]:
         """Train on one batch at a time, yielding how many steps are done in all."""
@@ -195,17 +203,18 @@ class _Fitting:
         if not math.isfinite(figures[self.task.score] + found["loss"][0]):
             raise self._diverged("validation gives no numbers")
         row = self._row(found["loss"][0], figures)
-        progress = self.progress
-        progress.history.append(row)
-        progress.loss_sum = progress.timed_seconds = 0.0
-        progress.loss_count = progress.timed_steps = 0
-        progress.stale += 1
-        merit = self.task.merit(figures)
-        if progress.best_merit is None or merit > progress.best_merit:
-            progress.best_merit, progress.best_step, progress.stale = merit, progress.step, 0
+        progress, merit = self.progress, self.task.merit(figures)
+        if better := progress.best_merit is None or merit > progress.best_merit:
             with whole(self.out / runs.BEST) as temporary:
                 self.learner.model.save(temporary)
-        runs.write_history(self.out, progress.history)
+        runs.write_history(self.out, [*progress.history, row])
+        # After the files: what Ctrl-C leaves undone is done again from the checkpoint before.
+        progress.stale += 1
+        if better:
+            progress.best_merit, progress.best_step, progress.stale = merit, progress.step, 0
+        progress.loss_sum = progress.timed_seconds = 0.0
+        progress.loss_count = progress.timed_steps = 0
+        progress.history.append(row)
         return row
 
     def _row(self, validation_loss: float, figures: dict[str, float]) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """An exported run says what its run says, and the runs that come with the package measure."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from laesi_tf import export as command
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import load_estimator
-from laesi_tf.runs import BEST, CONFIG, EXPORTED, PRETRAINED, load_run
+from laesi_tf.runs import BEST, CONFIG, EXPORTED, PRETRAINED, export, load_run
 from laesi_tf.synthesis import synthesise
 from laesi_tf.training import build
 
@@ -34,6 +35,31 @@ def test_an_exported_run_is_small_and_says_the_same(run, tmp_path):
     assert figures["bytes"] == (tmp_path / "small" / EXPORTED).stat().st_size
     assert figures["bytes"] < 0.6 * (run / BEST).stat().st_size
     assert figures["exported"]["mre"] == pytest.approx(figures["original"]["mre"], rel=0.02)
+
+
+def test_ranges_of_a_file_go_along(run, tmp_path, monkeypatch):
+    trained = tmp_path / "trained"
+    trained.mkdir()
+    (trained / BEST).write_bytes((run / BEST).read_bytes())
+    config = TrainConfig(
+        task="area", size=(64, 64), alpha=0.5, weights="none", ranges="gone.toml", textures="/home/me/leaves"
+    )
+    configuration.write(trained / CONFIG, config, {"weights_origin": "none"})
+    (trained / "ranges.toml").write_text("lighting_passes = 1\n")
+    monkeypatch.chdir(tmp_path)
+    command.main([str(trained), "--out", "small"])
+    exported = configuration.load(tmp_path / "small" / CONFIG)
+    assert (exported.ranges, exported.textures) == ("ranges.toml", "leaves")
+    assert load_run("small").config.ranges == str(Path("small/ranges.toml"))
+
+
+def test_nothing_but_an_export_is_overwritten(run, tmp_path):
+    original = load_run(run)
+    for other in (run, run.parent):
+        with pytest.raises(InputError, match="neither empty nor an exported run"):
+            export(original, other)
+    export(original, tmp_path / "small")
+    export(original, tmp_path / "small")
 
 
 def test_a_broken_export_is_named(run, tmp_path):

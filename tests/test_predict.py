@@ -110,7 +110,7 @@ def test_overlay_shows_the_outline_and_is_of_handy_size(runs: dict[str, Path], t
     models = ["--model", runs["area"], "--mask-model", runs["mask"]]
     predict(tmp_path / "out", save(tmp_path / "a.png", 1800, 2400), *models)
     overlay = np.asarray(Image.open(tmp_path / "out" / "a.overlay.png"))
-    assert overlay.shape[1] == 1600 and 1200 < overlay.shape[0] < 1400
+    assert overlay.shape[1] == 1600 and 1200 < overlay.shape[0] < 1500
     columns = np.nonzero((overlay == command.FOUND).all(axis=2).any(axis=0))[0]
     # A disk of 0.3 of the shorter side about the middle.
     assert (columns.min(), columns.max()) == pytest.approx((800 - 360, 800 + 360), abs=14)

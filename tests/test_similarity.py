@@ -69,6 +69,12 @@ def test_features_have_unit_length_and_see_what_is_alike(weights: Path) -> None:
     np.testing.assert_allclose(features[:3], one_by_one, atol=1e-5)
 
 
+@pytest.mark.parametrize("weights", ["none", "auto"])
+def test_an_untrained_network_is_refused(weights: str) -> None:
+    with pytest.raises(InputError, match="use imagenet or a file"):
+        embedding("small", size=SIZE, weights=weights)
+
+
 def test_weights_of_another_network_are_refused(weights: Path) -> None:
     with pytest.raises(InputError, match="does not hold weights of ResNet50"):
         embedding("resnet50", size=SIZE, weights=str(weights))

@@ -17,6 +17,7 @@ from laesi_tf import config as configuration
 from laesi_tf import runs, training
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
+from laesi_tf.learner import Learner
 from laesi_tf.models.backbone import backbone
 
 SIZE, BATCH = 32, 8
@@ -203,6 +204,25 @@ def test_an_interrupted_run_reports_and_continues(whole, tmp_path):
     assert not (out / runs.METRICS).exists()
     fit(make(), out)
     assert curve(out) == curve(whole.path)
+
+
+@pytest.mark.parametrize("at", [2, 6], ids=["in the first validation", "in the last"])
+def test_a_validation_that_was_interrupted_is_made_up_for(tmp_path, monkeypatch, at):
+    config, out, calls = make(steps=6, validate_every=2, checkpoint_every=1), tmp_path / "run", []
+    assess = Learner.assess
+
+    def interrupted(learner, batches):
+        calls.append(None)
+        if len(calls) == at // 2:
+            raise KeyboardInterrupt
+        return assess(learner, batches)
+
+    monkeypatch.setattr(Learner, "assess", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        fit(config, out)
+    monkeypatch.undo()
+    fit(config, out)
+    assert [int(row["step"]) for row in history(out)] == [2, 4, 6]
 
 
 def test_a_stream_that_ends_early_is_a_fault(tmp_path):

@@ -126,7 +126,7 @@ def find(views: Views, predict: Predict, size: tuple[int, int]) -> list[Sight]:
         more = _approached(views, predict, size, boxes, 0.0)
         found = _distinct(found + _alike_in_area(more, found))
     if typical < _SMALL * views.size.max():
-        tiles = list(_tiles(views.size, typical))[:_MOST]
+        tiles = list(_tiles(views.size, typical))
         glimpsed = [sight for sight in _looked(views, predict, size, tiles, _GLIMPSED) if sight.within]
         boxes = [sight.box for sight in glimpsed if not _shown(sight, found)]
         more = _approached(views, predict, size, boxes, _AROUND * typical)
@@ -151,13 +151,9 @@ def _alike_in_area(sights: Sequence[Sight], found: Sequence[Sight]) -> list[Sigh
 
 def _confirmed(views: Views, predict: Predict, size: tuple[int, int], sights: Sequence[Sight]) -> list[Sight]:
     """Those of `sights` that look alike from further away, as print and specks do not."""
-    confirmed = []
-    for first in range(0, len(sights), _MOST):
-        part = sights[first : first + _MOST]
-        boxes = [_square(sight.box, _FURTHER * sight.longest) for sight in part]
-        again = _looked(views, predict, size, boxes, _SEEN)
-        confirmed += [sight for sight in part if any(_overlap(sight.box, one.box) > _SAME for one in again)]
-    return confirmed
+    boxes = [_square(sight.box, _FURTHER * sight.longest) for sight in sights]
+    again = _looked(views, predict, size, boxes, _SEEN)
+    return [sight for sight in sights if any(_overlap(sight.box, one.box) > _SAME for one in again)]
 
 
 def _tiles(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
@@ -202,8 +198,13 @@ def _looked(
     views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], threshold: float
 ) -> list[Sight]:
     """The pieces above a threshold in a view of each box."""
-    if not boxes:
-        return []
+    parts = (boxes[first : first + _MOST] for first in range(0, len(boxes), _MOST))
+    return [sight for part in parts for sight in _looked_at_once(views, predict, size, part, threshold)]
+
+
+def _looked_at_once(
+    views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], threshold: float
+) -> list[Sight]:
     cuts = [views.around(box, at_least=_COARSEST_PX, at_most=_SHARPEST_PX) for box in boxes]
     fitted = [fit(cut.image, size) for cut in cuts]
     seen = predict(np.stack([small for small, _ in fitted]))[..., 0]

@@ -21,6 +21,7 @@ METHOD = "ruling x silhouette"
 FALLBACK = "regression, no ruling read"
 FALLBACK_SCALE = "silhouette x scale of the area model, no ruling read"
 FAINT = "the ruling was hard to read: look whether the lattice lies on it"
+GUESSED = "no ruling read: a network's guess, which may be far off"
 _CONFIDENT = 0.8
 """Confidence of the ruling below which the user is told to look."""
 _LIFT_MM, _LIFT_SPREAD_MM = 0.2, 0.3
@@ -32,7 +33,12 @@ wide."""
 _SCALE_FLOOR = 0.0011
 """Relative standard deviation of the scale that stays with the clearest ruling."""
 _GUESSED = 0.055
-"""Relative standard deviation of the area model: two thirds of semi-real photographs are within it."""
+"""Relative standard deviation of the area model: two thirds of semi-real photographs, whose ruling is in
+sight, are within it. Where it is not, no one knows, and the note says so."""
+
+
+_SHOW_MORE = "show bare, sharp paper around the leaf"
+_ADD_A_MODEL = f"{_SHOW_MORE}, or add an area model"
 
 
 class Reading:
@@ -59,7 +65,8 @@ class Reading:
         if not outlines:
             return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
         if ruling is None:
-            return _without_ruling(outlines, mask, guess)
+            advice = _SHOW_MORE if adviser or known.grid_mm != 1 else _ADD_A_MODEL
+            return _without_ruling(outlines, mask, guess, advice)
         to_mm = ruling.forward @ np.diag([*(1 / views.whole.step), 1.0])
         return Measurement(
             method=METHOD,
@@ -98,20 +105,23 @@ def _leaf(outline: Outline, to_mm: np.ndarray, ruling: Ruling, views: Views) -> 
     )
 
 
-def _without_ruling(outlines: list[Outline], mask: np.ndarray, guess: Guess | None) -> Measurement:
+def _without_ruling(
+    outlines: list[Outline], mask: np.ndarray, guess: Guess | None, advice: str
+) -> Measurement:
     """The area network's idea of one leaf; of several its scale, as it knows pictures of one leaf only."""
     several = len(outlines) > 1
     if guess is None or not math.isfinite(guess.area_cm2) or (several and guess.px_per_mm is None):
-        refusal = "no ruling can be read; show bare, sharp paper around the leaf, or add an area model"
         leaves = tuple(Leaf(**outline.drawn()) for outline in outlines)
-        return Measurement(method=METHOD, leaves=leaves, mask=mask, refusal=refusal)
+        return Measurement(
+            method=METHOD, leaves=leaves, mask=mask, refusal=f"no ruling can be read; {advice}"
+        )
     if not several:
         uncertainty = _GUESSED * guess.area_cm2
         leaf = Leaf(area_cm2=guess.area_cm2, uncertainty_cm2=uncertainty, **outlines[0].drawn())
-        return Measurement(method=FALLBACK, leaves=(leaf,), mask=mask)
+        return Measurement(method=FALLBACK, leaves=(leaf,), mask=mask, note=GUESSED)
     assert guess.px_per_mm is not None
     leaves = tuple(outline.leaf(np.diag([1.0, 1.0, guess.px_per_mm])) for outline in outlines)
     rough = tuple(
         dataclasses.replace(leaf, uncertainty_cm2=_GUESSED * (leaf.area_cm2 or 0.0)) for leaf in leaves
     )
-    return Measurement(method=FALLBACK_SCALE, leaves=rough, mask=mask)
+    return Measurement(method=FALLBACK_SCALE, leaves=rough, mask=mask, note=GUESSED)

@@ -9,7 +9,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.errors import InputError
-from laesi_tf.models.backbone import BACKBONES, backbone, from_file
+from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, backbone, from_file
 
 RESNET = "resnet50"
 NETWORKS = (RESNET, *BACKBONES)
@@ -36,6 +36,8 @@ def embedding(network: str, *, size: tuple[int, int], weights: str = "imagenet")
     `weights` is "imagenet" (Keras's own file, downloaded once) or the path of a file. Raises InputError for
     weights that cannot be had: features of an untrained network say little.
     """
+    if weights in (FROM_SCRATCH, "auto"):
+        raise InputError(f"weights {weights!r} may be those of an untrained network; use imagenet or a file")
     if network == RESNET:
         base, origin = _resnet(size, weights)
         inputs = keras.Input((*size, 3))
