@@ -54,9 +54,17 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def export(storage: str, out: Path, studies: dict[str, str]) -> None:
-    """Write each of `studies` that the storage has, by the name of its table."""
+    """Write each of `studies` that the storage has, by the name of its table.
+
+    Raises InputError where there is no such storage or no study of a screening in it.
+    """
+    if "://" not in storage and not Path(storage).is_file():
+        raise InputError(f"no storage {storage}; name the --storage of a sweep")
     store = Store(storage, Rules())
     there = {study.study_name for study in optuna.get_all_study_summaries(store.storage)}
+    if studies["screening"] not in there:
+        told = ", ".join(sorted(there)) or "none"
+        raise InputError(f"no study {studies['screening']} in {storage}; there are: {told}")
     for table, study in studies.items():
         if study in there:
             loaded = optuna.load_study(study_name=study, storage=store.storage)
@@ -82,19 +90,21 @@ def analyse(found: dict[str, list[Row]], out: Path, *, replays: int) -> dict[str
     if names := findings.worth_knowing(fitted):
         charts.interactions(out / "interactions.png", fitted.pairs, names)
         pictures.append("interactions.png")
-    if found["finalists"]:
-        final = ranks.finals(screened, found["finalists"])
+    final = ranks.finals(screened, found["finalists"])
+    if len(final) > 1:
+        left_out = len({row.number for row in found["finalists"]}) - len(final)
         figures["finalists"] = [dataclasses.asdict(one) for one in final]
         figures["agreement"] = [dataclasses.asdict(one) for one in ranks.agreements(final)]
         charts.ranks(out / "ranks.png", final)
-        page += findings.of_finalists(final, len({row.seed for row in found["finalists"]}))
+        replicates = len({row.replicate for row in found["finalists"]})
+        page += findings.of_finalists(final, replicates, left_out)
         pictures.append("ranks.png")
     if found["spread"]:
         spread = ranks.again(screened, found["spread"])
         figures["spread"] = [dataclasses.asdict(one) for one in spread]
         figures["agreement_over_the_ranking"] = [dataclasses.asdict(one) for one in ranks.agreements(spread)]
         charts.ranks(out / "spread.png", spread)
-        page += findings.of_spread(spread, len({row.seed for row in found["spread"]}))
+        page += findings.of_spread(spread, len({row.replicate for row in found["spread"]}))
         pictures.append("spread.png")
     if spending.is_whole(screened):
         steps = told.get("search", {}).get("budget", {}).get("steps", 1)

@@ -1,5 +1,6 @@
 """What every study is kept by: its trials' claims, ends and counts, whatever chooses what they try."""
 
+import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from sweeps.store import Store
 OBJECTIVES = ("MRE, %", "inference, ms")
 JOB, SEED, REASON, COUNTS = "job", "seed", "reason", "counts"
 """User attributes: a trial's job and seed; why it failed, and whether that counts against its job."""
+_WENT_BY_IT = (TrialState.RUNNING, TrialState.COMPLETE, TrialState.PRUNED)
 LOST = "worker lost: no sign of life for {} s"
 
 
@@ -71,10 +73,15 @@ class Book:
         raise NotImplementedError
 
     def agree(self, key: str, value: Mapping[str, Any]) -> None:
-        """Keep `value` with the study, or raise InputError if another is kept there."""
+        """Keep `value` with the study, or raise InputError if another is kept there and trials went by it."""
         with self.store.lock():
             attributes = self.store.storage.get_study_user_attrs(self.study_id)
-            kept = attributes.get(key, value)
+            kept, counts = attributes.get(key, value), self.counts()
+            if kept != value and not sum(counts[state] for state in _WENT_BY_IT):
+                # Nor does what was measured for the other value hold any more.
+                for name in attributes:
+                    self.store.storage.set_study_user_attr(self.study_id, name, None)
+                kept = value
             self.store.storage.set_study_user_attr(self.study_id, key, dict(kept))
         differing = [name for name in value if kept.get(name) != value[name]]
         if differing:
@@ -85,14 +92,16 @@ class Book:
         """What `measure` gave the first time that anyone asked for `key` in this study."""
         with self.store.lock():
             known = self.store.storage.get_study_user_attrs(self.study_id)
-            if key not in known:
+            if known.get(key) is None:
                 known[key] = measure()
                 self.store.storage.set_study_user_attr(self.study_id, key, known[key])
         return known[key]
 
     def finish(self, claim: Claim, values: Sequence[float], attributes: Mapping[str, Any]) -> bool:
         """Complete the trial; false if it was given up for lost meanwhile: then another will complete it."""
-        return self._end(claim.trial_id, TrialState.COMPLETE, attributes, values)
+        # Under the lock, as SQLite may let a trial that another has just given up be completed after all.
+        with self.store.lock():
+            return self._end(claim.trial_id, TrialState.COMPLETE, attributes, values)
 
     def fail(self, claim: Claim, reason: str, *, counts: bool = True) -> None:
         """Fail the trial, saying why; `counts` is whether that is held against its job."""
@@ -111,7 +120,9 @@ class Book:
         return self.store.storage.get_all_trials(self.study_id, deepcopy=False)
 
     def _fail_lost(self) -> None:
-        """Fail the trials whose workers have not been heard of."""
+        """Fail the trials whose workers have not been heard of; while the database was away no one was."""
+        if time.monotonic() - self.store.away_at < self.store.rules.grace_s:
+            return
         for trial_id in self.store.storage._get_stale_trial_ids(self.study_id):
             self._fail(trial_id, LOST.format(self.store.rules.grace_s), counts=True)
 

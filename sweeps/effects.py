@@ -43,11 +43,15 @@ class Effect:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model: its effects, and the share of the variance that each term explains, 0..1."""
+    """A fitted model: its effects, and the share of the variance that each term explains, 0..1.
+
+    `by_chance` is the share that a term without any effect is expected to have.
+    """
 
     main: list[Effect]
     pairs: list[Effect]
     shares: dict[str, float]
+    by_chance: dict[str, float]
     residual: float
 
 
@@ -76,7 +80,10 @@ def fit(rows: Sequence[Row]) -> Fit:
     ]
     total = float(np.sum((response - response.mean()) ** 2))
     shares = {" x ".join(term): model.explained[term] / total for term in terms}
-    return Fit(main, pairs, shares, model.left_over / total)
+    residual = model.left_over / total
+    each = residual / model.freedom
+    by_chance = {" x ".join(term): each * columns.shape[1] for term, columns in terms.items()}
+    return Fit(main, pairs, shares, by_chance, residual)
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,14 @@ from sweeps.ranks import Again, Agreement, Final, agreements, place_of_optimum
 from sweeps.tables import Row
 
 _WORTH_KNOWING = 0.01
-"""Share of the variance from which on an interaction is told."""
+"""Share of the variance, beyond that by chance, from which on an interaction is told."""
 
 
 def worth_knowing(fitted: Fit) -> list[str]:
-    """The pairs of factors whose interaction matters, the largest first."""
-    pairs = [name for name, share in fitted.shares.items() if " x " in name and share >= _WORTH_KNOWING]
+    """The pairs of factors whose interaction matters, the largest first: by its share beyond chance, and told
+    apart somewhere."""
+    told = {effect.factor for effect in fitted.pairs if effect.is_told_apart}
+    pairs = [name for name in told if fitted.shares[name] - fitted.by_chance[name] >= _WORTH_KNOWING]
     return sorted(pairs, key=lambda name: -fitted.shares[name])
 
 
@@ -45,7 +47,7 @@ def of_screening(rows: Sequence[Row], fitted: Fit) -> list[str]:
     return [
         "## Screening",
         "",
-        f"{len(rows)} points, one seed. MRE from {errors.min():.1f} to {errors.max():.1f} %, "
+        f"{len(rows)} points, {_seeds(rows)}. MRE from {errors.min():.1f} to {errors.max():.1f} %, "
         f"median {np.median(errors):.1f} %. The best is number {best.number} ({_told(best.number)}); "
         f"being the lowest of {len(rows)}, it is so in part by luck.",
         "",
@@ -60,33 +62,37 @@ def of_screening(rows: Sequence[Row], fitted: Fit) -> list[str]:
             [[e.factor, e.level, _interval(e), _verdict(e)] for e in fitted.main],
         ),
         *_pairs(fitted),
+        *_cells(rows, fitted),
         *_optimum(rows),
     ]
 
 
-def of_finalists(found: Sequence[Final], seeds: int) -> list[str]:
-    """What the larger budget says: who is best, who cannot be told from it, whether the ranks agree."""
+def of_finalists(found: Sequence[Final], seeds: int, left_out: int = 0) -> list[str]:
+    """What the larger budget says: who is best, who cannot be told from it, whether the ranks agree.
+
+    `left_out` are points that were not tried with all `seeds`.
+    """
     best, alike = found[0], sum(final.low <= 0 for final in found[1:])
     lines = [
         "## Finalists",
         "",
-        f"{len(found)} points at the larger budget, {seeds} seeds each. The lowest mean is that of number "
-        f"{best.number} ({_told(best.number)}): {best.mre:.1f} %. {alike} others cannot be told from it.",
+        f"{len(found)} points at the larger budget, {_count(seeds, 'seed')} each; the MRE is the geometric "
+        f"mean over them. The lowest is that of number {best.number} ({_told(best.number)}): "
+        f"{best.mre:.1f} %. Of the {len(found) - 1} others {alike} cannot be told from it."
+        + (f" {_count(left_out, 'point')} not tried with every seed yet left out." if left_out else ""),
         "",
     ]
     for place, final in enumerate(found, 1):
         if final.number == POINTS.index(OPTIMUM):
-            verdict = "cannot be told from the best" if final.low <= 0 else "is behind the best"
             lines += [
-                f"The paper's optimum comes {_ordinal(place)} of {len(found)} with {final.mre:.1f} % and "
-                f"{verdict}: {_behind(final)} %.",
+                f"The paper's optimum comes {_ordinal(place)} of {len(found)} {_verdict_on(final)}.",
                 "",
             ]
     return [
         *lines,
         *(_agreement(one) for one in agreements(found)),
-        "All but the optimum are the best of the screening: over so narrow a range ranks agree less than",
-        "they would over the whole grid.",
+        "All but the optimum are the best of the screening: over so narrow a range ranks may agree less than",
+        "over the whole grid.",
         "",
         *_table(
             ["number", "point", "screening MRE %", "MRE %", "behind the best, %"],
@@ -101,7 +107,7 @@ def of_spread(found: Sequence[Again], seeds: int) -> list[str]:
         "## From best to worst",
         "",
         f"{len(found)} points spread evenly over the ranking of the screening were tried again at the larger "
-        f"budget, with {seeds} {'seed' if seeds == 1 else 'seeds'} each.",
+        f"budget, with {_count(seeds, 'seed')} each.",
         "",
         *(_agreement(one) for one in agreements(found)),
         "",
@@ -148,8 +154,49 @@ def _in_words(fitted: Fit) -> list[str]:
             if effect.is_told_apart:
                 sorts[_verdict(effect)].append(effect.level)
         told = [f"{sort}: {', '.join(levels)}" for sort, levels in sorts.items() if levels]
+        if told and (others := _larger_pairs(factor, fitted)):
+            told.append(
+                f"an average that hides more than it says, as it hangs on the {' and the '.join(others)}"
+            )
         lines.append(f"- {factor} — {'; '.join(told) or 'no level can be told from the average'}.")
     return lines
+
+
+def _larger_pairs(factor: str, fitted: Fit) -> list[str]:
+    """The other factors with which this one explains more than alone."""
+    pairs = [
+        name.split(" x ") for name in worth_knowing(fitted) if fitted.shares[name] > fitted.shares[factor]
+    ]
+    return [pair[1 - pair.index(factor)] for pair in pairs if factor in pair]
+
+
+def _cells(rows: Sequence[Row], fitted: Fit) -> list[str]:
+    """Where a factor explains less than its pair with another, the error of each pair of levels."""
+    told = {effect.factor for effect in fitted.main if effect.is_told_apart}
+    pairs = {(factor, other) for factor in told for other in _larger_pairs(factor, fitted)}
+    lines = []
+    for down, across in sorted(pairs):
+        logs: dict[tuple[str, str], list[float]] = {}
+        for row in rows:
+            logs.setdefault((row.point.levels[down], row.point.levels[across]), []).append(np.log(row.mre))
+        header, names = (list(dict.fromkeys(pair[side] for pair in logs)) for side in (1, 0))
+        cells = [[name, *(f"{np.exp(np.mean(logs[name, level])):.0f}" for level in header)] for name in names]
+        lines += [
+            f"Geometric mean of the MRE, %, by {down} and {across}:",
+            "",
+            *_table([f"{down}, {across}", *header], cells),
+        ]
+    return lines
+
+
+def _seeds(rows: Sequence[Row]) -> str:
+    seeds = [row.seed for row in rows]
+    moved = sum(seed != min(seeds) for seed in seeds)
+    return "one seed" if not moved else f"one seed but for {moved} that diverged with it"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _pairs(fitted: Fit) -> list[str]:
@@ -185,7 +232,12 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]
 
 
 def _agreement(one: Agreement) -> str:
-    verdict = "" if one.low > 0 else "; the interval holds zero, so no agreement is shown"
+    if one.low > 0:
+        verdict = ""
+    elif one.high < 0:
+        verdict = "; they rank in opposite order"
+    else:
+        verdict = "; the interval holds zero, so no agreement is shown"
     return f"{one.name} between the two budgets: {one.value:.2f} [{one.low:.2f}, {one.high:.2f}]{verdict}."
 
 
@@ -193,7 +245,16 @@ def _verdict(effect: Effect) -> str:
     return "" if not effect.is_told_apart else "better" if effect.high < 0 else "worse"
 
 
+def _verdict_on(final: Final) -> str:
+    if not final.behind:
+        return f"with {final.mre:.1f} %"
+    verdict = "cannot be told from the best" if final.low <= 0 else "is behind the best"
+    return f"with {final.mre:.1f} % and {verdict}: {_behind(final)} %"
+
+
 def _behind(final: Final) -> str:
+    if not final.behind:
+        return "the best"
     return f"{final.behind:+.1f} [{final.low:+.1f}, {final.high:+.1f}]"
 
 

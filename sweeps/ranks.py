@@ -56,17 +56,17 @@ def again(screened: Sequence[Row], rows: Sequence[Row]) -> list[Again]:
 
 
 def finals(screened: Sequence[Row], rows: Sequence[Row]) -> list[Final]:
-    """The finalists from best to worst.
+    """The finalists from best to worst, without those that lack a replicate, as they may still be tried.
 
     Their errors are logarithms with an effect of the point and one of the seed; what is left over, pooled
     over all of them, is the chance that intervals are made from.
     """
-    numbers, seeds = sorted({row.number for row in rows}), sorted({row.seed for row in rows})
-    table = np.full((len(numbers), len(seeds)), np.nan)
-    for row in rows:
-        table[numbers.index(row.number), seeds.index(row.seed)] = np.log(row.mre)
-    if np.isnan(table).any():
-        raise ValueError("a finalist lacks one of the seeds")
+    found = {(row.number, row.replicate): row.mre for row in rows}
+    seeds = sorted({replicate for _, replicate in found})
+    numbers = sorted({row.number for row in rows if all((row.number, seed) in found for seed in seeds)})
+    if not numbers:
+        return []
+    table = np.log([[found[number, seed] for seed in seeds] for number in numbers])
     means = table.mean(axis=1)
     left_over = table - means[:, None] - table.mean(axis=0) + table.mean()
     freedom = (len(numbers) - 1) * (len(seeds) - 1)

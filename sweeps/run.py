@@ -39,8 +39,9 @@ def main(arguments: Sequence[str]) -> None:
         require_writable(options.json)
     orders = _orders(options)
     book = orders.open()
+    wanted = [] if orders.trials else _jobs(options, book.store)
     book.agree("budget", orders.budget.told())
-    total = orders.trials or _filled(book, options)
+    total = orders.trials or _filled(book, wanted)
     if not book.store.patiently(book.finished):
         crew.supervise(employ, (orders,), workers=options.workers, book=book, total=total)
     figures = _figures(book)
@@ -51,10 +52,9 @@ def main(arguments: Sequence[str]) -> None:
         raise SystemExit(1)
 
 
-def _filled(ledger: Book, options: argparse.Namespace) -> int:
+def _filled(ledger: Book, wanted: Sequence[Job]) -> int:
     """Write down what is missing in the study and settle what was left open; how many jobs there are."""
     assert isinstance(ledger, Ledger)
-    wanted = _jobs(options, ledger.store)
     ledger.store.patiently(lambda: ledger.fill(wanted))
     ledger.store.patiently(ledger.settle)
     return len(ledger.store.patiently(ledger.standings))

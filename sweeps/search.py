@@ -36,6 +36,7 @@ class Search(Book):
         """A trial with the levels that TPE proposes; None if as many as are wanted are done or under way."""
         with self.store.lock():
             self._fail_lost()
+            self._fail_unclaimed()
             counts = self.counts()
             if sum(counts.values()) - counts[TrialState.FAIL] >= self._wanted:
                 return None
@@ -58,6 +59,7 @@ class Search(Book):
         """Whether as many trials as are wanted have ended well."""
         with self.store.lock():
             self._fail_lost()
+            self._fail_unclaimed()
         counts = self.counts()
         return counts[TrialState.COMPLETE] + counts[TrialState.PRUNED] >= self._wanted
 
@@ -70,4 +72,14 @@ class Search(Book):
     def finish(self, claim: Claim, values: Sequence[float], attributes: Mapping[str, Any]) -> bool:
         """End the trial as complete, or as pruned where it says after how many steps."""
         state = TrialState.PRUNED if PRUNED_AT in attributes else TrialState.COMPLETE
-        return self._end(claim.trial_id, state, attributes, values[:1])
+        with self.store.lock():
+            return self._end(claim.trial_id, state, attributes, values[:1])
+
+    def _fail_unclaimed(self) -> None:
+        """Fail the trials that a worker began to claim and did not get to the end of it, under the lock.
+
+        They may have no heartbeat, and Optuna would take them for alive for ever.
+        """
+        for trial in self.trials():
+            if trial.state is TrialState.RUNNING and SEED not in trial.user_attrs:
+                self._fail(trial._trial_id, "the claim was not finished", counts=False)

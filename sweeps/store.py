@@ -9,6 +9,7 @@ of the study, which the system takes back from a worker that dies.
 
 import contextlib
 import fcntl
+import math
 import time
 import warnings
 import zlib
@@ -37,6 +38,8 @@ _IMPATIENT = {
     "keepalives_idle": 10,
     "keepalives_interval": 5,
     "tcp_user_timeout": 20_000,
+    # The server as well: it must not keep the lock of a machine that has gone.
+    "options": "-c tcp_keepalives_idle=10 -c tcp_keepalives_interval=5 -c tcp_keepalives_count=4",
 }
 _ORDER_OF_SQLITE = ("PRAGMA journal_mode=WAL", "PRAGMA synchronous=NORMAL")
 
@@ -66,12 +69,15 @@ class Unreachable(Exception):
 
 
 class Store:
-    """An open storage: Optuna's `storage`, the lock of all its workers, patience with its connection."""
+    """An open storage: Optuna's `storage`, the lock of all its workers, patience with its connection.
+
+    `away_at` is the monotonic time at which the database was last found away.
+    """
 
     def __init__(self, where: str, rules: Rules) -> None:
         self.where, self.rules = where, rules
         url, self._lock, options = _opened(where)
-        self.interruption = ""
+        self.interruption, self.away_at = "", -math.inf
         try:
             # Under the lock, as two that make the tables at once would be in each other's way.
             with self._lock(), warnings.catch_warnings():
@@ -102,6 +108,7 @@ class Store:
             except (StorageInternalError, DBAPIError) as error:
                 if not _is_connection(error):
                     raise
+                self.away_at = time.monotonic()
                 lost_at = lost_at or time.monotonic()
                 away_s = time.monotonic() - lost_at
                 self.interruption = f"database away, for {away_s:.1f} s so far: {_first_line(error)}"

@@ -15,12 +15,15 @@ from sweeps.grid import FACTORS, POINTS, Point
 from sweeps.search import PRUNED_AT
 
 _ATTRIBUTES = ("median", "p90", "final_loss", "images_per_s", "parameters", "steps_s", "trial_s", "attempt")
-_HEADER = ("number", *FACTORS, "seed", "mre", "inference_ms", PRUNED_AT, *_ATTRIBUTES)
+_HEADER = ("number", *FACTORS, "replicate", "seed", "mre", "inference_ms", PRUNED_AT, *_ATTRIBUTES)
 
 
 @dataclass(frozen=True)
 class Row:
-    """A trial that ended: its point by number, what was found, the steps it was pruned after or 0."""
+    """A trial that ended: its point by number, what was found, the steps it was pruned after or 0.
+
+    Trials of one `replicate` have the same seed, but for those that diverged and were moved on to another.
+    """
 
     number: int
     point: Point
@@ -28,6 +31,7 @@ class Row:
     mre: float
     inference_ms: float
     pruned_at: int = 0
+    replicate: int = 0
 
 
 def write(path: Path, trials: Iterable[FrozenTrial]) -> int:
@@ -41,9 +45,9 @@ def write(path: Path, trials: Iterable[FrozenTrial]) -> int:
 def write_failures(path: Path, trials: Iterable[FrozenTrial]) -> int:
     """Write the failed attempts among a study's `trials` with their reasons; how many."""
     failed = [trial for trial in trials if trial.state is TrialState.FAIL]
-    rows = [[trial.user_attrs[JOB], trial.user_attrs[SEED], trial.user_attrs.get(REASON)] for trial in failed]
-    write_csv(path, [JOB, SEED, REASON], rows)
-    return len(rows)
+    told = [JOB, SEED, REASON]
+    write_csv(path, told, [[trial.user_attrs.get(name) for name in told] for trial in failed])
+    return len(failed)
 
 
 def read(path: Path) -> list[Row]:
@@ -62,7 +66,8 @@ def _cells(trial: FrozenTrial) -> Sequence[Any]:
     told = trial.user_attrs
     # A search has one objective and keeps the other beside it.
     inference_ms = trial.values[1] if len(trial.values) > 1 else told["inference_ms"]
-    found = [told[SEED], round(trial.values[0], 6), _short(inference_ms), told.get(PRUNED_AT)]
+    replicate = int(told[JOB].partition("/")[2] or 0)
+    found = [replicate, told[SEED], round(trial.values[0], 6), _short(inference_ms), told.get(PRUNED_AT)]
     rest = [_short(told.get(name)) for name in _ATTRIBUTES]
     return [POINTS.index(point), *point.levels.values(), *found, *rest]
 
@@ -82,4 +87,5 @@ def _row(cells: dict[str, str]) -> Row:
         mre=float(cells["mre"]),
         inference_ms=float(cells["inference_ms"]),
         pruned_at=int(cells[PRUNED_AT] or 0),
+        replicate=int(cells["replicate"]),
     )

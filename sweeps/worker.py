@@ -1,6 +1,5 @@
 """One worker: claims trials, has them done, tells how they ended, until nothing is left to do."""
 
-import contextlib
 import math
 import os
 import socket
@@ -74,9 +73,11 @@ class Clock:
                 self._give_up(claim)
             # A beat that does not get through may be followed by one that does; a database that stays away
             # is for the worker itself to notice.
-            with contextlib.suppress(StorageInternalError, SQLAlchemyError):
+            try:
                 if claim is not None:
                     self._book.store.storage.record_heartbeat(claim.trial_id)
+            except (StorageInternalError, SQLAlchemyError):
+                self._book.store.away_at = time.monotonic()
             time.sleep(self._rules.heartbeat_s)
 
     def _give_up(self, claim: Claim) -> None:

@@ -1,8 +1,10 @@
 """What is said of a sweep is what is in it."""
 
+import dataclasses
 import itertools
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from laesi_tf.errors import InputError
 from sweeps import analysis, effects, findings, ranks, spending, tables
 from sweeps.budget import SCREENING
 from sweeps.grid import FACTORS, OPTIMUM, POINTS, Point
+from sweeps.store import Rules, Store
 from sweeps.tables import Row
 
 CHANGES = {("start", "small_imagenet"): -0.2, ("optimizer", "sgd"): 0.5, ("schedule", "constant"): 0.1}
@@ -62,8 +65,24 @@ def _augmentations(seed: int) -> list[effects.Effect]:
 def test_interactions_worth_knowing_are_the_one_put_in() -> None:
     fitted = effects.fit(screening())
     assert findings.worth_knowing(fitted) == ["start x optimizer"]
+    # What remains of a pair without any effect is what chance leaves it.
+    shares = [fitted.shares["schedule x augmentation"], fitted.by_chance["schedule x augmentation"]]
+    assert shares[0] == pytest.approx(shares[1], rel=0.5)
     said = findings.of_screening(screening(), fitted)
     assert "- augmentation — no level can be told from the average." in said
+
+
+def test_an_average_that_hides_more_than_it_says_is_called_so() -> None:
+    """Scratch is better with sgd by much and worse with all others: on average it seems better."""
+
+    def changed(row: Row) -> Row:
+        cell = row.point.start == "large_scratch", row.point.optimizer == "sgd"
+        return dataclasses.replace(row, mre=row.mre * {(True, True): 0.02, (True, False): 1.3}.get(cell, 1.0))
+
+    rows = [changed(row) for row in screening()]
+    page = "\n".join(findings.of_screening(rows, effects.fit(rows)))
+    assert re.search(r"- start — better: large_scratch.*hangs on the optimizer", page)
+    assert "by start and optimizer" in page
 
 
 def test_parts_of_the_grid_must_be_balanced() -> None:
@@ -82,7 +101,7 @@ def finalists(behind: float, seeds: int = 3) -> list[Row]:
     numbers = [*range(100, 109), POINTS.index(OPTIMUM)]
     logs = [0.03 * place for place in range(9)] + [0.24 + behind]
     return [
-        Row(n, POINTS[n], seed, 20 * math.exp(log + 0.1 * seed + 0.01 * random.normal()), 1.0)
+        Row(n, POINTS[n], seed, 20 * math.exp(log + 0.1 * seed + 0.01 * random.normal()), 1.0, replicate=seed)
         for n, log in zip(numbers, logs, strict=True)
         for seed in range(1, seeds + 1)
     ]
@@ -102,9 +121,35 @@ def test_finalists_that_are_alike_are_not_told_apart() -> None:
     before, wrong = screening(), 0
     for seed in range(60):
         logs = np.random.default_rng(seed).normal(3.0, 0.1, (30, 3))
-        rows = [Row(n, POINTS[n], s, math.exp(logs[n, s]), 1.0) for n in range(30) for s in range(3)]
+        rows = [
+            Row(n, POINTS[n], s, math.exp(logs[n, s]), 1.0, replicate=s) for n in range(30) for s in range(3)
+        ]
         wrong += any(final.low > 0 for final in ranks.finals(before, rows)[1:])
     assert wrong <= 8
+
+
+def test_a_finalist_that_diverged_counts_and_one_that_lacks_a_seed_is_left_out() -> None:
+    rows = finalists(behind=0.5)
+    moved = [
+        dataclasses.replace(row, seed=1001) if (row.number, row.seed) == (103, 1) else row for row in rows
+    ]
+    assert ranks.finals(screening(), moved) == ranks.finals(screening(), rows)
+    fewer = [row for row in rows if (row.number, row.seed) != (103, 1)]
+    found = ranks.finals(screening(), fewer)
+    assert len(found) == 9 and 103 not in {final.number for final in found}
+    assert "1 point not tried with every seed yet left out" in "\n".join(findings.of_finalists(found, 3, 1))
+    assert ranks.finals(screening(), []) == []
+
+
+def test_the_best_is_not_compared_with_itself() -> None:
+    found = ranks.finals(screening(), finalists(behind=-0.5))
+    page = "\n".join(findings.of_finalists(found, 3))
+    assert re.search(r"optimum comes 1st of 10 with [\d.]+ %\.", page) and "| the best |" in page
+
+
+def test_ranks_in_opposite_order_are_called_so() -> None:
+    opposite = [ranks.Again(n, 50.0 + n, 40.0 - n) for n in range(12)]
+    assert "they rank in opposite order" in "\n".join(findings.of_spread(opposite, 2))
 
 
 def test_one_seed_tells_no_finalists_apart() -> None:
@@ -206,3 +251,10 @@ def test_everything_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_bad_input(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="name the --storage"):
         analysis.main(["--out", str(tmp_path)])
+    with pytest.raises(InputError, match=r"no storage .*mistyped\.db"):
+        analysis.main(["--out", str(tmp_path), "--storage", str(tmp_path / "mistyped.db")])
+    Store(str(tmp_path / "study.db"), Rules())
+    with pytest.raises(InputError, match=r"no study other in .*there are: none"):
+        analysis.main(
+            ["--out", str(tmp_path), "--storage", str(tmp_path / "study.db"), "--screening", "other"]
+        )

@@ -204,8 +204,32 @@ def test_groups_are_kept_together_and_shared_last(storage: str) -> None:
     assert [next_group(one), next_group(other)] == [2, 2]
 
 
+def test_no_one_is_lost_while_the_database_was_away(storage: str) -> None:
+    ledger = fake.ledger(storage, Rules(heartbeat_s=1, grace_s=2))
+    ledger.fill([fake.job(0, "good")])
+    assert ledger.claim() is not None
+    time.sleep(3.5)
+    ledger.store.away_at = time.monotonic()
+    ledger.settle()
+    assert ledger.standings()["0000"].running
+    ledger.store.away_at -= 3
+    ledger.settle()
+    assert ledger.standings()["0000"].waiting
+
+
+def test_what_is_done_in_vain_does_not_settle_the_budget(storage: str) -> None:
+    ledger = fake.ledger(storage)
+    ledger.agree("budget", {"steps": 40})
+    assert ledger.once("guess", lambda: 1.0) == 1.0
+    ledger.agree("budget", {"steps": 30})
+    assert ledger.once("guess", lambda: 2.0) == ledger.once("guess", lambda: 3.0) == 2.0
+
+
 def test_studies_of_other_budgets_are_refused(storage: str) -> None:
-    fake.ledger(storage).agree("budget", {"steps": 40, "size": 64})
+    ledger = fake.ledger(storage)
+    ledger.agree("budget", {"steps": 40, "size": 64})
+    ledger.fill([fake.job(0, "good")])
+    assert ledger.claim() is not None
     fake.ledger(storage).agree("budget", {"steps": 40, "size": 64})
     with pytest.raises(InputError, match="steps 40 there, 30 here"):
         fake.ledger(storage).agree("budget", {"steps": 30, "size": 64})

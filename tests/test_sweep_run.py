@@ -1,5 +1,6 @@
 """The command, from its options to the trials of real worker processes."""
 
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -9,8 +10,11 @@ import yaml
 
 from laesi_tf.errors import InputError
 from laesi_tf.training import load_run
-from sweeps import run, watch
+from sweeps import employed, run, watch
+from sweeps.book import Book
 from sweeps.grid import POINTS
+from sweeps.orders import Orders
+from sweeps.store import Rules
 
 SMALL = [n for n, p in enumerate(POINTS) if (p.start, p.optimizer) == ("small_imagenet", "sgd")][:3]
 TINY = "--size 32 --batch-size 8 --steps 4 --pictures 16 --validation 64 --calibration 32 --alpha 0.35"
@@ -63,15 +67,35 @@ def test_a_study_with_points_given_up_ends_with_status_1(tmp_path: Path) -> None
     options = run._options().parse_args(arguments(tmp_path, "--points", "3"))
     orders = run._orders(options)
     ledger = orders.open()
-    run._filled(ledger, options)
+    run._filled(ledger, run._jobs(options, ledger.store))
     while claim := ledger.claim():
         ledger.fail(claim, "as it was told")
     with pytest.raises(SystemExit) as ended:
         run.main(arguments(tmp_path, "--points", "3"))
     assert ended.value.code == 1
     ledger = run._orders(run._options().parse_args(arguments(tmp_path, "--retries", "5"))).open()
-    run._filled(ledger, options)
+    run._filled(ledger, run._jobs(options, ledger.store))
     assert ledger.claim() is not None, "more retries than before take it up again"
+
+
+def test_a_worker_that_finds_the_database_away_comes_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    orders = run._orders(run._options().parse_args(arguments(tmp_path, "--points", "3")))
+    opened, open_it = [], Orders.open
+
+    def away(self: Orders) -> Book:
+        opened.append(self)
+        if len(opened) < 3:
+            raise InputError("cannot open the storage")
+        return open_it(self)
+
+    monkeypatch.setattr(Orders, "open", away)
+    monkeypatch.setattr(employed, "_PAUSE_S", 0.0)
+    assert employed._opened(orders).name == "grid"
+    opened.clear()
+    with pytest.raises(InputError, match="cannot open"):
+        employed._opened(dataclasses.replace(orders, rules=Rules(patience_s=-1)))
 
 
 def test_the_compose_file_starts_what_there_is() -> None:
@@ -83,6 +107,7 @@ def test_the_compose_file_starts_what_there_is() -> None:
         ("workers", "run", run._options()),
         ("dashboard", "watch", watch._options()),
     ):
-        command = services[name]["command"].replace("${LAESI_OPTIONS:-}", "").split()
+        written = services[name]["command"]
+        command = re.sub(r"\$\{\w+:-(\w*)\}", r"\1", written).split()
         assert command[:3] == ["python", "-m", f"sweeps.{module}"]
         assert options.parse_args(command[3:]).storage.startswith("postgresql://")

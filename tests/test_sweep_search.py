@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from optuna.trial import TrialState
 
+from sweeps import tables
 from sweeps.book import Claim
 from sweeps.search import PRUNED_AT, Search
 from sweeps.store import Rules, Store
@@ -62,6 +63,15 @@ def test_the_same_trials_are_proposed_again(tmp_path: Path) -> None:
         work(book, lambda claim, clock: Done([value(claim), 1.0], {}))
         found.append([trial.params for trial in book.trials()])
     assert found[0] == found[1]
+
+
+def test_a_claim_that_was_not_finished_is_not_waited_for(tmp_path: Path) -> None:
+    book = search(tmp_path, trials=2)
+    book.study.ask()  # and killed before its first heartbeat, its job and its seed
+    work(book, lambda claim, clock: Done([value(claim), 1.0], {}))
+    assert book.counts()[TrialState.COMPLETE] == 2
+    assert book.trials()[0].user_attrs["reason"] == "the claim was not finished"
+    assert tables.write_failures(tmp_path / "failures.csv", book.trials()) == 1
 
 
 def test_a_lost_searchers_trial_is_replaced(tmp_path: Path) -> None:
