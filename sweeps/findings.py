@@ -136,7 +136,7 @@ def of_spending(
     if went is not None:
         spent, lowest = went
         lines += [
-            f"The one run with pruning made {len(spent)} trials with the steps of {spent[-1] / steps:.0f} ",
+            f"The one run with pruning made {len(spent)} trials with the steps of {spent[-1] / steps:.0f}",
             f"whole ones and reached {lowest[-1]:.1f} %.",
             "",
         ]
@@ -155,9 +155,7 @@ def _in_words(fitted: Fit) -> list[str]:
                 sorts[_verdict(effect)].append(effect.level)
         told = [f"{sort}: {', '.join(levels)}" for sort, levels in sorts.items() if levels]
         if told and (others := _larger_pairs(factor, fitted)):
-            told.append(
-                f"an average that hides more than it says, as it hangs on the {' and the '.join(others)}"
-            )
+            told.append(f"on average, for it hangs on the {' and the '.join(others)}: see the table below")
         lines.append(f"- {factor} — {'; '.join(told) or 'no level can be told from the average'}.")
     return lines
 
