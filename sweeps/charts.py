@@ -5,7 +5,9 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 from laesi_tf.files import write_figure
 from sweeps.effects import Effect
@@ -106,7 +108,10 @@ def ranks(path: Path, found: Sequence[Again]) -> None:
             xytext=(3, 3),
             textcoords="offset points",
         )
-    axes.set(xlabel="MRE in the screening, %", ylabel="MRE at the larger budget, mean over seeds, %")
+    axes.set(
+        xlabel="MRE in the screening, %", ylabel="MRE at the larger budget, geometric mean over seeds, %"
+    )
+    _write_plainly(axes)
     axes.set_title("red: the paper's optimum", fontsize=9, loc="left")
     write_figure(path, figure)
 
@@ -140,9 +145,13 @@ def spending(
         )
     axes.set(xscale="log", yscale="log", xlabel="trials; with pruning, steps in units of a trial")
     axes.set_ylabel("lowest MRE, %")
-    axes.xaxis.set_major_formatter("{x:g}")
-    # Seldom a whole power of ten: the ticks between are told as well.
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("{x:g}")
+    _write_plainly(axes)
     axes.legend()
     write_figure(path, figure)
+
+
+def _write_plainly(axes: Axes) -> None:
+    """Numbers as 60, not 6 x 10^1, on logarithmic axes; between powers of ten as well where there is room."""
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(LogFormatter())
+        axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
