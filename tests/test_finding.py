@@ -6,6 +6,8 @@ from green import LEAF, PAPER, mask_network
 
 from laesi_tf.estimators import Known, Segmentation
 from laesi_tf.estimators.base import in_reading_order
+from laesi_tf.estimators.finding import find
+from laesi_tf.estimators.network import compiled
 from laesi_tf.estimators.views import LONGEST, Views
 
 SIZE = (96, 96)
@@ -32,6 +34,21 @@ def test_every_leaf_is_found_once_and_in_order(radius: int) -> None:
     assert np.array(middles) == pytest.approx(np.array(places), abs=2)
     true = np.pi * (radius / 10) ** 2 / 100
     assert [leaf.area_cm2 for leaf in leaves] == pytest.approx([true] * 12, rel=0.02)
+
+
+def test_leaves_that_a_glance_and_half_of_the_tiles_overlook_are_told_by_their_colour() -> None:
+    network, calls = compiled(mask_network(SIZE), SIZE), []
+
+    def forgetful(images: np.ndarray) -> np.ndarray:
+        calls.append(len(images))
+        seen = network(images).copy()
+        seen[{1: 0, 2: len(seen) // 2}.get(len(calls), len(seen)) :] = 0
+        return seen
+
+    places = [(row, column) for row in (150, 450, 750) for column in (150, 450, 750, 1050)]
+    found = find(Views(sheet([(*place, 30) for place in places])), forgetful, SIZE)
+    middles = sorted(tuple(sight.box.mean(axis=0)[::-1].round()) for sight in found)
+    assert np.array(middles) == pytest.approx(np.array(places), abs=6)
 
 
 def test_leaves_of_unlike_size() -> None:

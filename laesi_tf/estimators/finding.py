@@ -118,20 +118,38 @@ def find(views: Views, predict: Predict, size: tuple[int, int]) -> list[Sight]:
     glance = predict(small[np.newaxis])[0, ..., 0]
     boxes = [sight.box for sight in _pieces(views, views.whole, glance, placement, _GLIMPSED)]
     found = _distinct(_approached(views, predict, size, boxes, _NARROWEST * views.size.max()))
-    typical = float(np.median([sight.longest for sight in found])) if found else views.size.max() / 8
-    if len(found) > 1:
-        # Of several leaves in one view the network overlooks some: their colour shows where to look.
-        coloured = _coloured(small, placement)
-        boxes = [sight.box for sight in _pieces(views, views.whole, coloured, placement, _SEEN)]
-        more = _approached(views, predict, size, boxes, 0.0)
-        found = _distinct(found + _alike_in_area(more, found))
-    if typical < _SMALL * views.size.max():
-        tiles = list(_tiles(views.size, typical))
-        glimpsed = [sight for sight in _looked(views, predict, size, tiles, _GLIMPSED) if sight.within]
-        boxes = [sight.box for sight in glimpsed if not _shown(sight, found)]
-        more = _approached(views, predict, size, boxes, _AROUND * typical)
-        found = _distinct(found + _alike_in_area(more, found))
+    if found:
+        typical = float(np.median([sight.longest for sight in found]))
+        found = _told_by_colour(views, predict, size, found)
+        if typical < _SMALL * views.size.max():
+            found = _tiled(views, predict, size, found, typical)
+    else:
+        # Too small for a glance. Smaller tiles than these would show edges and print as leaves.
+        found = _tiled(views, predict, size, found, views.size.max() / 8)
+        found = _told_by_colour(views, predict, size, found)
     return found[:1] + _confirmed(views, predict, size, found[1:])
+
+
+def _told_by_colour(views: Views, predict: Predict, size: tuple[int, int], found: list[Sight]) -> list[Sight]:
+    """`found` and, where they are several, as the network overlooks some in one view, what colour shows."""
+    if len(found) < 2:
+        return found
+    small, placement = views.fitted(size)
+    coloured = _coloured(small, placement)
+    boxes = [sight.box for sight in _pieces(views, views.whole, coloured, placement, _SEEN)]
+    more = _approached(views, predict, size, boxes, 0.0)
+    return _distinct(found + _alike_in_area(more, found))
+
+
+def _tiled(
+    views: Views, predict: Predict, size: tuple[int, int], found: list[Sight], typical: float
+) -> list[Sight]:
+    """`found` and what tiles for leaves `typical` photo pixels long show besides."""
+    tiles = list(_tiles(views.size, typical))
+    glimpsed = [sight for sight in _looked(views, predict, size, tiles, _GLIMPSED) if sight.within]
+    boxes = [sight.box for sight in glimpsed if not _shown(sight, found)]
+    more = _approached(views, predict, size, boxes, _AROUND * typical)
+    return _distinct(found + _alike_in_area(more, found))
 
 
 def _coloured(small: np.ndarray, placement: Placement) -> np.ndarray:
