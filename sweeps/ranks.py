@@ -74,7 +74,7 @@ def finals(screened: Sequence[Row], rows: Sequence[Row]) -> list[Final]:
     if freedom:
         chance = np.sqrt(np.sum(left_over**2) / freedom / len(seeds))
         reach = chance * stats.studentized_range.ppf(_CONFIDENCE, len(numbers), freedom)
-    before = {row.number: row.mre for row in screened}
+    tried = {one.number: one for one in again(screened, rows)}
     order = np.argsort(means, kind="stable")
     behind = means - means[order[0]]
 
@@ -84,8 +84,8 @@ def finals(screened: Sequence[Row], rows: Sequence[Row]) -> list[Final]:
     return [
         Final(
             number=numbers[place],
-            screened=before[numbers[place]],
-            mre=float(np.exp(means[place])),
+            screened=tried[numbers[place]].screened,
+            mre=tried[numbers[place]].mre,
             behind=percent(behind[place]),
             low=percent(behind[place] - reach),
             high=percent(behind[place] + reach),

@@ -36,7 +36,6 @@ class Search(Book):
         """A trial with the levels that TPE proposes; None if as many as are wanted are done or under way."""
         with self.store.lock():
             self._fail_lost()
-            self._fail_unclaimed()
             counts = self.counts()
             if sum(counts.values()) - counts[TrialState.FAIL] >= self._wanted:
                 return None
@@ -59,7 +58,6 @@ class Search(Book):
         """Whether as many trials as are wanted have ended well."""
         with self.store.lock():
             self._fail_lost()
-            self._fail_unclaimed()
         counts = self.counts()
         return counts[TrialState.COMPLETE] + counts[TrialState.PRUNED] >= self._wanted
 
@@ -75,11 +73,13 @@ class Search(Book):
         with self.store.lock():
             return self._end(claim.trial_id, state, attributes, values[:1])
 
-    def _fail_unclaimed(self) -> None:
-        """Fail the trials that a worker began to claim and did not get to the end of it, under the lock.
+    def _fail_lost(self) -> None:
+        """As in any book, and those that a worker began to claim and did not get to the end of it.
 
-        They may have no heartbeat, and Optuna would take them for alive for ever.
+        They may have no heartbeat, and Optuna would take them for alive for ever. Under the lock there are no
+        others without a seed.
         """
+        super()._fail_lost()
         for trial in self.trials():
             if trial.state is TrialState.RUNNING and SEED not in trial.user_attrs:
                 self._fail(trial._trial_id, "the claim was not finished", counts=False)

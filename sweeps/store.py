@@ -109,8 +109,8 @@ class Store:
                 if not _is_connection(error):
                     raise
                 self.away_at = time.monotonic()
-                lost_at = lost_at or time.monotonic()
-                away_s = time.monotonic() - lost_at
+                lost_at = lost_at or self.away_at
+                away_s = self.away_at - lost_at
                 self.interruption = f"database away, for {away_s:.1f} s so far: {_first_line(error)}"
                 if away_s > self.rules.patience_s:
                     raise Unreachable(self.interruption) from error

@@ -35,8 +35,6 @@ _SCALE_FLOOR = 0.0011
 _GUESSED = 0.055
 """Relative standard deviation of the area model: two thirds of semi-real photographs, whose ruling is in
 sight, are within it. Where it is not, no one knows, and the note says so."""
-
-
 _SHOW_MORE = "show bare, sharp paper around the leaf"
 _ADD_A_MODEL = f"{_SHOW_MORE}, or add an area model"
 
