@@ -1,4 +1,4 @@
-"""From the figures of trials to the cells of the table."""
+"""Aggregate the metrics of jobs over seeds into rows of the table."""
 
 import statistics
 from collections.abc import Mapping, Sequence
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.rows import FIGURES, Row
-from experiments.study import MEASURED, SETTINGS
+from experiments.experiment_specs import METRICS, Experiment
+from experiments.paths import MEASURED, SETTINGS
 from laesi_tf.errors import InputError
 from laesi_tf.files import read_json
 
@@ -21,7 +21,7 @@ _SOURCES = {
 
 
 @dataclass(frozen=True)
-class Cell:
+class SeedStatistics:
     """A figure over seeds."""
 
     values: tuple[float, ...] = ()
@@ -38,12 +38,12 @@ class Cell:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class TableRow:
     """A row of the table at one count: ours over seeds, the paper's, both by FIGURES."""
 
-    row: Row
+    row: Experiment
     count: int
-    ours: Mapping[str, Cell]
+    ours: Mapping[str, SeedStatistics]
     refused: int
     """Photos on which no area was given, over seeds and splits."""
     origins: frozenset[str]
@@ -57,7 +57,7 @@ class Line:
     @property
     def planned(self) -> Sequence[str]:
         """The figures that it is to have: masks are learned at the row's first count alone."""
-        return FIGURES if self.count == self.row.counts[0] else FIGURES[:2]
+        return METRICS if self.count == self.row.counts[0] else METRICS[:2]
 
     @property
     def seeds(self) -> int:
@@ -72,15 +72,15 @@ def read_settings(out: Path) -> Mapping[str, Any]:
     return read_json(out / SETTINGS)
 
 
-def collect(out: Path, rows: Sequence[Row]) -> list[Line]:
+def collect_rows(out: Path, rows: Sequence[Experiment]) -> list[TableRow]:
     """A line for each row and count, with what is there of it. Raises InputError for broken figures."""
-    return [_line(out, row, count) for row in rows for count in row.counts]
+    return [_make_row(out, row, count) for row in rows for count in row.counts]
 
 
-def _line(out: Path, row: Row, count: int) -> Line:
+def _make_row(out: Path, row: Experiment, count: int) -> TableRow:
     found = [read_json(path) for path in sorted((out / f"{row.name}-{count}").glob(f"*/{MEASURED}"))]
     ours = {
-        name: Cell(tuple(trial[split][key] for trial in found if trial[split][key] is not None))
+        name: SeedStatistics(tuple(trial[split][key] for trial in found if trial[split][key] is not None))
         for name, (split, key) in _SOURCES.items()
     }
     # A mask network refuses every area; that is no news.
@@ -91,13 +91,13 @@ def _line(out: Path, row: Row, count: int) -> Line:
         if trial[split]["mre"] is not None
     )
     origins = frozenset(trial["weights_origin"] for trial in found if "weights_origin" in trial)
-    return Line(row=row, count=count, ours=ours, refused=refused, origins=origins)
+    return TableRow(row=row, count=count, ours=ours, refused=refused, origins=origins)
 
 
-def shown(lines: Sequence[Line]) -> list[Line]:
+def select_shown_rows(lines: Sequence[TableRow]) -> list[TableRow]:
     """The lines of the table: each row's first count, and others of which there is a figure."""
     return [
         line
         for line in lines
-        if line.count == line.row.counts[0] or line.seeds or set(line.paper) & set(FIGURES)
+        if line.count == line.row.counts[0] or line.seeds or set(line.paper) & set(METRICS)
     ]

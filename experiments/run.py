@@ -18,22 +18,21 @@ from laesi_tf.cli import above_zero, parser, positive, run
 # isort: split
 import tensorflow as tf
 
-from experiments.data import read_photos
-from experiments.rows import Trial, load_rows, trials
-from experiments.study import SETTINGS, Figures, Study
+from experiments.datasets import read_photos
+from experiments.experiment_specs import Job, load_experiments, plan_jobs
+from experiments.paths import DEFAULT_OUT, SETTINGS
+from experiments.runner import ExperimentRunner, Metrics
 from laesi_tf.files import require_writable, write_json
 from laesi_tf.training import Diverged
-
-OUT = Path("runs/experiments")
 
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError."""
-    options = _parser().parse_args(arguments)
+    options = _make_parser().parse_args(arguments)
     # Each trial has graphs of its own, which TensorFlow takes for one that is traced again and again.
     tf.get_logger().setLevel(logging.ERROR)
-    planned = trials(load_rows(options.names or ()), seeds=options.seeds)
-    study = Study(
+    planned = plan_jobs(load_experiments(options.names or ()), seeds=options.seeds)
+    study = ExperimentRunner(
         out=options.out,
         sets=options.data,
         photos=read_photos(options.photos, scale=options.scale),
@@ -44,17 +43,17 @@ def main(arguments: Sequence[str]) -> None:
         if path is not None:
             require_writable(path)
     study.begin()
-    done = conduct(study, planned)
+    done = run_jobs(study, planned)
     if options.json is not None:
         write_json(options.json, done)
 
 
-def conduct(study: Study, planned: Sequence[Trial]) -> dict[str, Any]:
+def run_jobs(study: ExperimentRunner, planned: Sequence[Job]) -> dict[str, Any]:
     """Run `planned` trials one after the other, telling of each; their figures, or None, by folder."""
     done: dict[str, Any] = {}
     begun, told = time.monotonic(), set()
     for number, trial in enumerate(planned, 1):
-        there, found = study.finished(trial), _attempt(study, trial)
+        there, found = study.finished(trial), _run_job(study, trial)
         if isinstance(found, str):
             done[str(trial.folder)] = None
             said = f"{trial.row.name}, {trial.task}: {found}"
@@ -62,14 +61,14 @@ def conduct(study: Study, planned: Sequence[Trial]) -> dict[str, Any]:
             done[str(trial.folder)] = dict(found)
             minutes = (time.monotonic() - begun) / 60
             state = "finished before" if there else f"{minutes:.1f} minutes so far"
-            said = f"{number}/{len(planned)} {trial}: {_said(found)} ({state})"
+            said = f"{number}/{len(planned)} {trial}: {_describe_metrics(found)} ({state})"
         if said not in told:
             print(said, flush=True)
         told.add(said)
     return done
 
 
-def _attempt(study: Study, trial: Trial) -> Figures | str:
+def _run_job(study: ExperimentRunner, trial: Job) -> Metrics | str:
     """The figures of `trial`, or why it has none."""
     if not study.finished(trial) and (reason := study.missing(trial)):
         return f"missing: {reason}"
@@ -79,7 +78,7 @@ def _attempt(study: Study, trial: Trial) -> Figures | str:
         return str(error)
 
 
-def _said(figures: Figures) -> str:
+def _describe_metrics(figures: Metrics) -> str:
     said = []
     for split in ("val", "test"):
         found = figures[split]
@@ -89,13 +88,13 @@ def _said(figures: Figures) -> str:
     return "; ".join(said)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     made = parser("run", __doc__, package="experiments")
     made.add_argument(
         "names",
         nargs="*",
         metavar="NAME",
-        help=f"experiments to run, all where none is named: {', '.join(row.name for row in load_rows())}",
+        help=f"experiments to run, all where none is named: {', '.join(row.name for row in load_experiments())}",
     )
     made.add_argument(
         "--photos", type=Path, required=True, metavar="CSV", help="manifest: image,area_cm2,split,mask,..."
@@ -109,7 +108,9 @@ def _parser() -> argparse.ArgumentParser:
         help="share of the pictures and steps, on smaller pictures: a shortened version, and marked as such",
     )
     made.add_argument("--weights", default="auto", help="what networks start from, as for laesi_tf.train")
-    made.add_argument("--out", type=Path, default=OUT, metavar="DIR", help="folder for runs and figures")
+    made.add_argument(
+        "--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="folder for runs and figures"
+    )
     made.add_argument(
         "--data",
         type=Path,

@@ -21,47 +21,48 @@ import tensorflow as tf
 
 from laesi_tf.files import require_writable, write_json
 from laesi_tf.machine import described, peak_rss_mb
-from sweeps import jobs
-from sweeps.book import Job
-from sweeps.budget import SCREENING, Budget, add_budget, budget_of
-from sweeps.grid import FACTORS, POINTS
-from sweeps.ledger import Ledger
-from sweeps.objective import Training
-from sweeps.pictures import Pictures
-from sweeps.store import Rules, Store
-from sweeps.trainer import Trainer
-from sweeps.worker import work
+from sweeps.queue import job_selection
+from sweeps.queue.grid_queue import GridQueue
+from sweeps.queue.study_storage import RetryPolicy, StudyStorage
+from sweeps.queue.trial_queue import Job
+from sweeps.trials.budget import SCREENING, Budget
+from sweeps.trials.budget_arguments import add_budget_arguments, budget_from_args
+from sweeps.trials.objective import TrainingObjective
+from sweeps.trials.search_space import FACTORS, POINTS
+from sweeps.trials.training_data import TrainingData
+from sweeps.trials.trial_runner import TrialRunner
+from sweeps.workers.worker import run_trials
 
 _NAIVE_TRIALS = 2
-_PARTS = ("steps_s", "steps_cpu_s", "judging_s")
-_SETTLED = 10
+_TIMES = ("steps_s", "steps_cpu_s", "judging_s")
+_WARMUP_TRIALS = 10
 """Trials after which memory should have stopped growing."""
 
 
 def main(arguments: Sequence[str]) -> None:
     """Run the trials, tell what they cost."""
-    options = _options().parse_args(arguments)
+    options = _make_parser().parse_args(arguments)
     if options.json:
         require_writable(options.json)
     tf.config.threading.set_intra_op_parallelism_threads(options.threads)
     tf.config.threading.set_inter_op_parallelism_threads(options.threads)
-    budget = budget_of(options, SCREENING)
-    pictures = Pictures(budget, threads=options.threads)
-    figures = costs(budget, pictures, jobs.screening(range(options.trials)))
-    figures["naive_trial_s"] = naive_trial_s(budget, pictures)
+    budget = budget_from_args(options, SCREENING)
+    pictures = TrainingData(budget, threads=options.threads)
+    figures = measure_trial_cost(budget, pictures, job_selection.select_points(range(options.trials)))
+    figures["naive_trial_s"] = measure_naive_trial_s(budget, pictures)
     figures |= {"threads": options.threads, "budget": budget.told(), **described()}
     if options.json:
         write_json(options.json, figures)
-    print(_table(figures))
+    print(_format_table(figures))
 
 
-def costs(budget: Budget, pictures: Pictures, chosen: Sequence[Job]) -> dict[str, Any]:
+def measure_trial_cost(budget: Budget, pictures: TrainingData, chosen: Sequence[Job]) -> dict[str, Any]:
     """Seconds per trial over a worker's run of `chosen` jobs, with a storage in a file, and its memory."""
     held: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
-        ledger = Ledger(Store(str(Path(folder) / "study.db"), Rules()), "benchmark", FACTORS)
+        ledger = GridQueue(StudyStorage(str(Path(folder) / "study.db"), RetryPolicy()), "benchmark", FACTORS)
         ledger.fill(chosen)
-        objective = Training(Trainer(budget, pictures), ledger, Path(folder))
+        objective = TrainingObjective(TrialRunner(budget, pictures), ledger, Path(folder))
         bar = iter(progress(range(len(chosen)), desc="trials", unit="trial"))
 
         def measured(claim: Any, clock: Any) -> Any:
@@ -70,10 +71,10 @@ def costs(budget: Budget, pictures: Pictures, chosen: Sequence[Job]) -> dict[str
             return objective(claim, clock)
 
         begun, used = time.perf_counter(), time.process_time()
-        work(ledger, measured)
+        run_trials(ledger, measured)
         spent, used = time.perf_counter() - begun, time.process_time() - used
         ended = [standing.complete for standing in ledger.standings().values() if standing.complete]
-    mean = {key: float(np.mean([t.user_attrs[key] for t in ended])) for key in _PARTS}
+    mean = {key: float(np.mean([t.user_attrs[key] for t in ended])) for key in _TIMES}
     return {
         "trials": len(ended),
         "trial_s": spent / len(ended),
@@ -82,19 +83,19 @@ def costs(budget: Budget, pictures: Pictures, chosen: Sequence[Job]) -> dict[str
         "trial_cpu_s": used / len(ended),
         "overhead_cpu_s": used / len(ended) - mean["steps_cpu_s"],
         "peak_rss_mb": peak_rss_mb(),
-        "settled_rss_mb": held[min(_SETTLED, len(held) - 1)],
+        "settled_rss_mb": held[min(_WARMUP_TRIALS, len(held) - 1)],
     }
 
 
-def naive_trial_s(budget: Budget, pictures: Pictures) -> float:
+def measure_naive_trial_s(budget: Budget, pictures: TrainingData) -> float:
     """Mean seconds of a trial that builds and traces its network; pictures and TensorFlow are there."""
     begun = time.perf_counter()
     for point in progress(POINTS[:_NAIVE_TRIALS], desc="naive trials", unit="trial"):
-        Trainer(budget, pictures).run(point, jobs.SCREENING_SEED)
+        TrialRunner(budget, pictures).run(point, job_selection.SCREENING_SEED)
     return (time.perf_counter() - begun) / _NAIVE_TRIALS
 
 
-def _table(figures: dict[str, Any]) -> str:
+def _format_table(figures: dict[str, Any]) -> str:
     rows = {
         "trial": "trial_s",
         "  of which its steps": "steps_s",
@@ -112,13 +113,13 @@ def _table(figures: dict[str, Any]) -> str:
     return "\n".join([*lines, f"peak memory {memory}", machine])
 
 
-def _options() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     made = parser("benchmark", __doc__, package="sweeps")
     made.add_argument(
         "--trials", type=positive, default=50, metavar="N", help="trials of the grid, from its first"
     )
     made.add_argument("--threads", type=positive, default=1, help="threads of the worker")
-    add_budget(made)
+    add_budget_arguments(made)
     return made
 
 

@@ -20,56 +20,60 @@ from optuna.trial import TrialState
 
 from laesi_tf.errors import InputError
 from laesi_tf.files import require_writable, write_json
-from sweeps import crew, jobs
-from sweeps.book import JOB, REASON, Book, Job
-from sweeps.budget import FINAL, SCREENING, add_budget, budget_of
-from sweeps.employed import employ
-from sweeps.grid import FACTORS
-from sweeps.ledger import Ledger
-from sweeps.orders import STORAGE, Orders, beside
-from sweeps.store import Rules, Store
+from sweeps.queue import job_selection
+from sweeps.queue.grid_queue import GridQueue
+from sweeps.queue.study_storage import DEFAULT_STORAGE, RetryPolicy, StudyStorage, artifact_folder
+from sweeps.queue.trial_queue import JOB, REASON, Job, TrialQueue
+from sweeps.trials.budget import FINAL, SCREENING
+from sweeps.trials.budget_arguments import add_budget_arguments, budget_from_args
+from sweeps.trials.search_space import FACTORS
+from sweeps.workers import worker_pool
+from sweeps.workers.process import run_worker_process
+from sweeps.workers.worker_settings import WorkerSettings
 
 FINALISTS, SPREAD = "finalists", "spread"
 
 
 def main(arguments: Sequence[str]) -> None:
     """Write the jobs down, have workers do them, tell how they ended."""
-    options = _options().parse_args(arguments)
+    options = _make_parser().parse_args(arguments)
     if options.json:
         require_writable(options.json)
-    orders = _orders(options)
+    orders = _make_settings(options)
     book = orders.open()
-    wanted = [] if orders.trials else _jobs(options, book.store)
+    wanted = [] if orders.trials else _select_jobs(options, book.store)
     book.agree("budget", orders.budget.told())
-    total = orders.trials or _filled(book, wanted)
+    total = orders.trials or _enqueue_jobs(book, wanted)
     if not book.store.patiently(book.finished):
-        crew.supervise(employ, (orders,), workers=options.workers, book=book, total=total)
-    figures = _figures(book)
-    print(_summary(figures))
+        worker_pool.run_worker_pool(
+            run_worker_process, (orders,), workers=options.workers, book=book, total=total
+        )
+    figures = _summarise_study(book)
+    print(_format_summary(figures))
     if options.json:
         write_json(options.json, figures)
     if figures["given_up"]:
         raise SystemExit(1)
 
 
-def _filled(ledger: Book, wanted: Sequence[Job]) -> int:
+def _enqueue_jobs(ledger: TrialQueue, wanted: Sequence[Job]) -> int:
     """Write down what is missing in the study and settle what was left open; how many jobs there are."""
-    assert isinstance(ledger, Ledger)
+    assert isinstance(ledger, GridQueue)
     ledger.store.patiently(lambda: ledger.fill(wanted))
     ledger.store.patiently(ledger.settle)
     return len(ledger.store.patiently(ledger.standings))
 
 
-def _jobs(options: argparse.Namespace, store: Store) -> list[Job]:
+def _select_jobs(options: argparse.Namespace, store: StudyStorage) -> list[Job]:
     if not (options.finalists or options.spread):
-        return jobs.screening(jobs.numbers(options.points))
-    screened = Ledger(store, options.screened, FACTORS).standings()
+        return job_selection.select_points(job_selection.parse_point_numbers(options.points))
+    screened = GridQueue(store, options.screened, FACTORS).standings()
     if options.finalists:
-        return jobs.finalists(screened, count=options.finalists, seeds=options.seeds)
-    return jobs.spread(screened, count=options.spread, seeds=options.seeds)
+        return job_selection.select_finalists(screened, count=options.finalists, seeds=options.seeds)
+    return job_selection.select_across_ranking(screened, count=options.spread, seeds=options.seeds)
 
 
-def _figures(book: Book) -> dict[str, Any]:
+def _summarise_study(book: TrialQueue) -> dict[str, Any]:
     trials, counts = book.store.patiently(book.trials), book.store.patiently(book.counts)
     complete = [trial for trial in trials if trial.state is TrialState.COMPLETE]
     best = min(complete, key=lambda trial: trial.values[0], default=None)
@@ -83,16 +87,16 @@ def _figures(book: Book) -> dict[str, Any]:
     }
 
 
-def _given_up(book: Book) -> dict[str, list[str]]:
+def _given_up(book: TrialQueue) -> dict[str, list[str]]:
     """The reasons of each job that is tried no more."""
-    if not isinstance(book, Ledger):
+    if not isinstance(book, GridQueue):
         return {}
     standings = book.store.patiently(book.standings)
     over = {name: one for name, one in standings.items() if not (one.complete or one.running or one.waiting)}
     return {name: [trial.user_attrs.get(REASON, "") for trial in one.failed] for name, one in over.items()}
 
 
-def _summary(figures: dict[str, Any]) -> str:
+def _format_summary(figures: dict[str, Any]) -> str:
     lines = ["study {study}: {complete} complete, {pruned} pruned, {fail} attempts failed".format(**figures)]
     if figures["best_job"]:
         levels = ", ".join(figures["best_levels"].values())
@@ -101,28 +105,30 @@ def _summary(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _orders(options: argparse.Namespace) -> Orders:
+def _make_settings(options: argparse.Namespace) -> WorkerSettings:
     again = (options.finalists and FINALISTS) or (options.spread and SPREAD)
     if again and options.sampler != "grid":
         raise InputError(f"--{again} takes points of the grid: leave --sampler out")
     cores = os.cpu_count() or 1
     study = options.study or again or options.sampler
     beats = options.heartbeat
-    return Orders(
+    return WorkerSettings(
         storage=options.storage,
         study=study,
-        budget=budget_of(options, FINAL if again else SCREENING),
+        budget=budget_from_args(options, FINAL if again else SCREENING),
         # Six beats: tracing a network can keep a worker from one or two.
-        rules=Rules(options.retries, options.time_limit, beats, 6 * beats),
-        folder=options.folder or beside(options.storage),
+        rules=RetryPolicy(options.retries, options.time_limit, beats, 6 * beats),
+        folder=options.folder or artifact_folder(options.storage),
         threads=max(1, cores // options.workers),
         trials=options.trials if options.sampler == "tpe" else 0,
     )
 
 
-def _options() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     made = parser("run", __doc__, package="sweeps")
-    made.add_argument("--storage", default=STORAGE, help="a file, or postgresql://USER@HOST:PORT/DATABASE")
+    made.add_argument(
+        "--storage", default=DEFAULT_STORAGE, help="a file, or postgresql://USER@HOST:PORT/DATABASE"
+    )
     made.add_argument("--study", help="the study's name (default: grid, tpe or finalists)")
     made.add_argument("--folder", type=Path, help="for artifacts and checkpoints (default: beside the file)")
     made.add_argument("--workers", type=positive, default=min(4, os.cpu_count() or 1), help="processes here")
@@ -145,7 +151,7 @@ def _options() -> argparse.ArgumentParser:
         metavar="S",
         help="seconds between signs of life; six missed and a worker's trial is given to another",
     )
-    add_budget(made)
+    add_budget_arguments(made)
     return made
 
 

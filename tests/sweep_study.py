@@ -8,15 +8,15 @@ from optuna.storages._rdb import models
 from optuna.trial import TrialState
 from sqlalchemy.orm import Session
 
-from sweeps.book import JOB, SEED
-from sweeps.grid import FACTORS, POINTS
-from sweeps.ledger import Ledger
-from sweeps.store import Rules, Store
+from sweeps.queue.grid_queue import GridQueue
+from sweeps.queue.study_storage import RetryPolicy, StudyStorage
+from sweeps.queue.trial_queue import JOB, SEED
+from sweeps.trials.search_space import FACTORS, POINTS
 
 
-def finished(storage: str, values: np.ndarray, name: str = "grid") -> Ledger:
+def finished(storage: str, values: np.ndarray, name: str = "grid") -> GridQueue:
     """A study in which every point is complete with `values`, [1425, 2]: MRE and milliseconds."""
-    ledger = Ledger(Store(storage, Rules()), name, FACTORS)
+    ledger = GridQueue(StudyStorage(storage, RetryPolicy()), name, FACTORS)
     kinds = {factor: CategoricalDistribution(levels) for factor, levels in FACTORS.items()}
     when = datetime.datetime(2026, 1, 1)
     with Session(ledger.store.storage.engine) as session:

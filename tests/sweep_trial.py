@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from laesi_tf import cli  # noqa: F401  first, so that TensorFlow comes without its chatter
+from sweeps.trials.budget import Budget
+from sweeps.trials.search_space import Point
+from sweeps.trials.training_data import Batch, TrainingData
+from sweeps.trials.trial_runner import TrialOutcome, TrialRunner
 
 # isort: split
 import discs
 import numpy as np
 import tensorflow as tf
-
-from sweeps.budget import Budget
-from sweeps.grid import Point
-from sweeps.pictures import Batch, Pictures
-from sweeps.trainer import Outcome, Trainer
 
 BUDGET = Budget(
     size=32,
@@ -40,12 +39,12 @@ def made(budget: Budget, indices: Sequence[int]) -> Batch:
     return tf.constant(np.stack([image for image, _ in discs_made])), tf.constant(targets)
 
 
-def trainer(budget: Budget = BUDGET) -> Trainer:
+def trainer(budget: Budget = BUDGET) -> TrialRunner:
     """A trainer on discs."""
-    return Trainer(budget, Pictures(budget, threads=1, made=made))
+    return TrialRunner(budget, TrainingData(budget, threads=1, made=made))
 
 
-def told(trained: Trainer, point: Point, outcome: Outcome) -> dict[str, Any]:
+def told(trained: TrialRunner, point: Point, outcome: TrialOutcome) -> dict[str, Any]:
     """All that a trial gave, to the last bit."""
     weights = hashlib.sha256(b"".join(v.numpy().tobytes() for v in trained.model(point).variables))
     predicted = outcome.found["predicted"].tobytes().hex()

@@ -6,13 +6,14 @@ import sys
 import time
 from pathlib import Path
 
-from sweeps import crew
-from sweeps.book import Claim, Job
-from sweeps.ledger import Ledger
-from sweeps.store import Rules, Store
-from sweeps.worker import Clock, Done, Failed, work
+from sweeps.queue.grid_queue import GridQueue
+from sweeps.queue.study_storage import RetryPolicy, StudyStorage
+from sweeps.queue.trial_queue import ClaimedTrial, Job
+from sweeps.workers import worker_pool
+from sweeps.workers.watchdog import TrialFailed, TrialWatchdog
+from sweeps.workers.worker import TrialResult, run_trials
 
-RULES = Rules(retries=2, time_limit_s=1.0, heartbeat_s=1, grace_s=3, patience_s=60.0)
+RULES = RetryPolicy(retries=2, time_limit_s=1.0, heartbeat_s=1, grace_s=3, patience_s=60.0)
 KINDS = (
     "good",
     "raises_once",
@@ -32,12 +33,12 @@ def job(number: int, kind: str) -> Job:
     return Job(f"{number:04d}", {"kind": kind}, seed=number)
 
 
-def ledger(storage: str, rules: Rules = RULES) -> Ledger:
+def ledger(storage: str, rules: RetryPolicy = RULES) -> GridQueue:
     """The tests' study."""
-    return Ledger(Store(storage, rules), "study", FACTORS, group=lambda job: int(job.name) // 10)
+    return GridQueue(StudyStorage(storage, rules), "study", FACTORS, group=lambda job: int(job.name) // 10)
 
 
-def objective(log: Path, claim: Claim, clock: Clock) -> Done:
+def objective(log: Path, claim: ClaimedTrial, clock: TrialWatchdog) -> TrialResult:
     """Do what the job's level says, and write down that it was begun."""
     kind = claim.job.levels["kind"]
     with log.open("a") as file:
@@ -47,16 +48,16 @@ def objective(log: Path, claim: Claim, clock: Clock) -> Done:
     if kind == "raises" or (kind == "raises_once" and claim.attempt == 1):
         raise ValueError("as it was told")
     if kind == "diverges":
-        raise Failed("training diverged: nan at step 3")
+        raise TrialFailed("training diverged: nan at step 3")
     if kind == "long":
         time.sleep(0.9)
     if claim.attempt == 1:
         _misbehave(kind, clock)
     value = float("nan") if kind == "no_number" else float(claim.job.seed)
-    return Done([value, 1.0], {"images_per_s": 100.0})
+    return TrialResult([value, 1.0], {"images_per_s": 100.0})
 
 
-def _misbehave(kind: str, clock: Clock) -> None:
+def _misbehave(kind: str, clock: TrialWatchdog) -> None:
     if kind == "dies_once":
         os.kill(os.getpid(), signal.SIGKILL)
     if kind == "stuck_once":
@@ -68,11 +69,11 @@ def _misbehave(kind: str, clock: Clock) -> None:
 
 def target(storage: str, log: str) -> None:
     """Work until the study is done."""
-    crew.obey()
-    work(
+    worker_pool.install_signal_handlers()
+    run_trials(
         ledger(storage),
         lambda claim, clock: objective(Path(log), claim, clock),
-        wanted=lambda: not crew.orphaned(),
+        wanted=lambda: not worker_pool.supervisor_is_gone(),
     )
 
 

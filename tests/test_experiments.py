@@ -12,10 +12,10 @@ from discs import disc
 from green import disk, mask_network, photo
 from PIL import Image
 
-from experiments import data, rows, study
-from experiments import run as command
-from experiments.masks import NetworkMask
-from experiments.rows import Trial, load_rows, trials
+from experiments import datasets, experiment_specs, paths, runner
+from experiments import run as run_module
+from experiments.experiment_specs import Job, load_experiments, plan_jobs
+from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.run import main
 from laesi_tf import training
 from laesi_tf.data import records
@@ -63,8 +63,8 @@ def run(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
         options = ["--photos", photos, "--out", out, "--data", sets, "--json", out / "told.json"]
         options += ["--scale", scale, "--seeds", 1, "--weights", "none"]
         with pytest.MonkeyPatch.context() as patch:
-            chosen = [trial for trial in trials(load_rows(names), seeds=1) if trial.task in tasks]
-            patch.setattr(command, "trials", lambda *_, **__: chosen)
+            chosen = [trial for trial in plan_jobs(load_experiments(names), seeds=1) if trial.task in tasks]
+            patch.setattr(run_module, "plan_jobs", lambda *_, **__: chosen)
             main([*names, *map(str, options)])
         return json.loads((out / "told.json").read_text())
 
@@ -80,7 +80,7 @@ def finished(run: Run, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
 
 
 def test_rows_are_the_papers_with_its_figures() -> None:
-    found = load_rows()
+    found = load_experiments()
     assert [row.name for row in found] == NAMES
     table = {row.name: row.paper[row.counts[0]] for row in found}
     assert table["rule_based"] == {"val_mre": 38.3, "test_mre": 38.3}
@@ -96,25 +96,25 @@ def test_rows_are_the_papers_with_its_figures() -> None:
 
 
 def test_every_seed_sees_every_row_and_masks_only_the_tables() -> None:
-    planned = trials(load_rows(), seeds=3)
+    planned = plan_jobs(load_experiments(), seeds=3)
     assert len({trial.folder for trial in planned}) == len(planned)
     assert [trial.seed for trial in planned] == sorted(trial.seed for trial in planned)
     first = [trial for trial in planned if trial.seed == 0]
     assert [trial.row.name for trial in first if trial.task == "mask"] == NAMES[1:]
     assert all(trial.count == trial.row.counts[0] for trial in first if trial.task == "mask")
     areas = [(trial.row.name, trial.count) for trial in first if trial.task == "area"]
-    assert areas == [(row.name, count) for row in load_rows() for count in row.counts]
+    assert areas == [(row.name, count) for row in load_experiments() for count in row.counts]
 
 
 @pytest.mark.parametrize("task", ["area", "mask"])
 def test_the_recipe_is_one_for_all_rows_and_shrinks(task: str) -> None:
-    whole = rows.config(task, scale=1.0)
+    whole = experiment_specs.job_config(task, scale=1.0)
     assert (whole.task, whole.size, whole.optimizer) == (task, (160, 160), "rmsprop")
     assert whole.learning_rate == 1e-3 and whole.final_learning_rate == 1e-9 and whole.schedule == "piecewise"
-    short = rows.config(task, scale=0.36, seed=7)
+    short = experiment_specs.job_config(task, scale=0.36, seed=7)
     assert short.size == (96, 96) and short.steps == pytest.approx(0.36 * whole.steps, abs=1)
     assert short.seed == 7 and whole.seed == 0
-    assert rows.config(task, scale=1e-4).steps == 1
+    assert experiment_specs.job_config(task, scale=1e-4).steps == 1
 
 
 def test_what_has_data_is_trained_and_measured_and_the_rest_is_missing(
@@ -162,7 +162,7 @@ def test_finished_seeds_are_passed_over(
 ) -> None:
     out, told = finished
     for name in ("fit", "evaluate"):
-        monkeypatch.setattr(study, name, lambda *_, **__: pytest.fail("done again"))
+        monkeypatch.setattr(runner, name, lambda *_, **__: pytest.fail("done again"))
     again = run(out, "real_baseline", "rule_based")
     assert again == {name: told[name] for name in again} and len(again) == 3
     assert capsys.readouterr().out.count("finished before") == 3
@@ -180,12 +180,12 @@ def test_killed_experiments_go_on_to_the_same_figures(
 
     for where, name, left in (
         (training._Fitting, "_validate", "state.npz"),
-        (study, "evaluate", "best.keras"),
+        (runner, "evaluate", "best.keras"),
     ):
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
             patch.setattr(where, name, interrupt)
             run(out, "real_baseline", tasks=["area"])
-        assert (area / left).is_file() and not (area / study.MEASURED).exists()
+        assert (area / left).is_file() and not (area / paths.MEASURED).exists()
     (resumed,) = run(out, "real_baseline", tasks=["area"]).values()
     assert resumed | {"minutes": 0} == told["real_baseline-0/area-0"] | {"minutes": 0}
 
@@ -198,8 +198,8 @@ def test_other_photos_scales_and_recipes_do_not_mix(
         run(out, "real_baseline", scale=0.01)
     with pytest.raises(InputError, match="other photos or at another scale"):
         run(out, "real_baseline", photos=write_manifest(tmp_path, masks=False))
-    recipe = rows.config
-    monkeypatch.setattr(study, "config", lambda task, **keys: recipe(task, optimizer="adam", **keys))
+    recipe = experiment_specs.job_config
+    monkeypatch.setattr(runner, "config", lambda task, **keys: recipe(task, optimizer="adam", **keys))
     with pytest.raises(InputError, match="differs in optimizer"):
         run(out, "real_baseline")
 
@@ -207,9 +207,9 @@ def test_other_photos_scales_and_recipes_do_not_mix(
 def test_without_masks_areas_are_learned_all_the_same(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ran: list[Trial] = []
+    ran: list[Job] = []
     figures = {split: {"mre": 1.0, "miou": None} for split in ("val", "test")}
-    monkeypatch.setattr(study.Study, "run", lambda _, trial: ran.append(trial) or figures)
+    monkeypatch.setattr(runner.ExperimentRunner, "run", lambda _, trial: ran.append(trial) or figures)
     told = run(tmp_path / "out", "real_baseline", photos=write_manifest(tmp_path, masks=False))
     assert [trial.task for trial in ran] == ["area"] and told["real_baseline-0/mask-0"] is None
     assert "real_baseline, mask: missing: no masks" in capsys.readouterr().out
@@ -221,7 +221,7 @@ def test_a_seed_that_diverges_does_not_end_the_others(
     def diverge(*_: Any) -> None:
         raise training.Diverged("training diverged")
 
-    monkeypatch.setattr(study.Study, "run", diverge)
+    monkeypatch.setattr(runner.ExperimentRunner, "run", diverge)
     assert run(tmp_path, "real_baseline") == {"real_baseline-0/area-0": None, "real_baseline-0/mask-0": None}
 
 
@@ -237,11 +237,11 @@ def test_a_seed_that_diverges_does_not_end_the_others(
 def test_inpainted_pictures_must_be_enough_and_of_the_size(
     tmp_path: Path, count: int, side: int, form: str, said: str | None
 ) -> None:
-    (row,) = load_rows(["controlnet"])
+    (row,) = load_experiments(["controlnet"])
     contents = Contents(count=count, size=(side, side), per_shard=1000, seed=0, format=form, ranges="")
     records.begin(tmp_path / row.folder, contents)
-    trial = Trial(row=row, count=5000, task="area", seed=0)
-    found = data.missing(trial, tmp_path, size=(32, 32), scale=1.0)
+    trial = Job(row=row, count=5000, task="area", seed=0)
+    found = datasets.explain_missing_data(trial, tmp_path, size=(32, 32), scale=1.0)
     assert found is None if said is None else found is not None and said in found
 
 
@@ -249,12 +249,12 @@ class TestNetworkMask(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
-        return NetworkMask(mask_network((64, 64)), (64, 64))
+        return MaskOnlyEstimator(mask_network((64, 64)), (64, 64))
 
 
 @pytest.mark.parametrize("size", [(300, 300), (300, 450)])
 def test_the_networks_own_mask_covers_the_photo(size: tuple[int, int]) -> None:
-    mask = NetworkMask(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
+    mask = MaskOnlyEstimator(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
     assert mask is not None
     true = disk(*size)
     assert (mask & true).sum() / (mask | true).sum() > 0.95

@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 
 from experiments import table
-from experiments.results import collect
-from experiments.rows import load_rows
+from experiments.experiment_specs import load_experiments
+from experiments.results import collect_rows
 from laesi_tf.errors import InputError
 
 VAL = {"area-0": 10.0, "area-1": 13.0, "area-2": 11.5}
@@ -140,7 +140,7 @@ def test_pictures_are_drawn(runs: Path, tmp_path: Path) -> None:
 
 
 def test_the_figure_has_ours_the_papers_and_the_real_baseline(runs: Path) -> None:
-    (axes,) = table.drawing.sizes(collect(runs, load_rows()), ["A."], 1.0).axes
+    (axes,) = table.drawing.sizes(collect_rows(runs, load_experiments()), ["A."], 1.0).axes
     lines = {line.get_label(): line for line in axes.get_lines()}
     assert lines["Real data baseline"].get_ydata() == pytest.approx([11.5, 11.5])
     assert lines["Real data baseline, paper"].get_ydata() == pytest.approx([12.5, 12.5])

@@ -12,33 +12,34 @@ from laesi_tf.config import TrainConfig
 from laesi_tf.data.augment import AUGMENTATIONS, PAPER, switches
 from laesi_tf.errors import InputError
 from sweeps import grid
+from sweeps.trials import search_space
 
 
 def test_every_combination_is_there_once() -> None:
-    assert [len(levels) for levels in grid.FACTORS.values()] == [3, 5, 5, 19]
-    assert len(grid.POINTS) == len(set(grid.POINTS)) == 3 * 5 * 5 * 19 == 1425
-    for factor, levels in grid.FACTORS.items():
-        counts = Counter(point.levels[factor] for point in grid.POINTS)
+    assert [len(levels) for levels in search_space.FACTORS.values()] == [3, 5, 5, 19]
+    assert len(search_space.POINTS) == len(set(search_space.POINTS)) == 3 * 5 * 5 * 19 == 1425
+    for factor, levels in search_space.FACTORS.items():
+        counts = Counter(point.levels[factor] for point in search_space.POINTS)
         assert counts == {level: 1425 // len(levels) for level in levels}
 
 
 def test_training_takes_every_level() -> None:
-    for point in grid.POINTS:
+    for point in search_space.POINTS:
         TrainConfig(optimizer=point.optimizer, schedule=point.schedule, augment=",".join(point.augmentations))
 
 
 def test_the_sets_are_nothing_all_the_papers_each_and_the_papers_less_each() -> None:
-    sets = [frozenset(names) for names in grid.AUGMENTATION_SETS.values()]
+    sets = [frozenset(names) for names in search_space.AUGMENTATION_SETS.values()]
     paper = frozenset(PAPER)
     wanted = [frozenset(), frozenset(AUGMENTATIONS), paper]
     wanted += [frozenset([name]) for name in AUGMENTATIONS] + [paper - {name} for name in PAPER]
     assert Counter(sets) == Counter(wanted) and len(set(sets)) == 19
-    assert all(switches(names).sum() == len(names) for names in grid.AUGMENTATION_SETS.values())
+    assert all(switches(names).sum() == len(names) for names in search_space.AUGMENTATION_SETS.values())
 
 
 def test_the_papers_optimum_is_one_of_them() -> None:
-    assert grid.POINTS.count(grid.OPTIMUM) == 1
-    assert set(grid.OPTIMUM.augmentations) == set(PAPER)
+    assert search_space.POINTS.count(search_space.OPTIMUM) == 1
+    assert set(search_space.OPTIMUM.augmentations) == set(PAPER)
 
 
 def test_it_is_printed_and_written_as_csv(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,8 +50,8 @@ def test_it_is_printed_and_written_as_csv(tmp_path: Path, capsys: pytest.Capture
         assert list(csv.DictReader(file)) == printed
     assert [int(row["number"]) for row in printed] == list(range(1425))
     assert [row["paper_optimum"] for row in printed].count("1") == 1
-    for row, point in zip(printed, grid.POINTS, strict=True):
-        assert {factor: row[factor] for factor in grid.FACTORS} == point.levels
+    for row, point in zip(printed, search_space.POINTS, strict=True):
+        assert {factor: row[factor] for factor in search_space.FACTORS} == point.levels
     assert len(json.loads((tmp_path / "grid.json").read_text())) == 1425
 
 

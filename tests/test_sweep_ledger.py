@@ -15,9 +15,9 @@ import sweep_worker as fake
 from optuna.trial import TrialState
 
 from laesi_tf.errors import InputError
-from sweeps import crew
-from sweeps.ledger import Ledger
-from sweeps.store import Rules, Store, Unreachable
+from sweeps.queue.grid_queue import GridQueue
+from sweeps.queue.study_storage import RetryPolicy, StorageUnreachable, StudyStorage
+from sweeps.workers import worker_pool
 
 HERE = Path(__file__).parent
 needs_postgres = pytest.mark.skipif(
@@ -54,7 +54,7 @@ def started(storage: str, log: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path})
 
 
-def reasons(ledger: Ledger, number: int) -> list[str]:
+def reasons(ledger: GridQueue, number: int) -> list[str]:
     return [trial.user_attrs["reason"] for trial in ledger.standings()[f"{number:04d}"].failed]
 
 
@@ -78,7 +78,7 @@ def test_what_ends_badly_is_told_and_tried_again(storage: str, log: Path) -> Non
     # Bad ones between good ones, so that no ten in a row fail.
     kinds = [kind for bad in fake.KINDS[1:] for kind in ("good", bad, "good")]
     ledger.fill(fake.job(number, kind) for number, kind in enumerate(kinds))
-    crew.supervise(fake.target, (storage, str(log)), workers=3, book=ledger, total=len(kinds))
+    worker_pool.run_worker_pool(fake.target, (storage, str(log)), workers=3, book=ledger, total=len(kinds))
     found = ledger.standings()
     hopeless = {"raises", "diverges", "no_number"}
     for number, kind in enumerate(kinds):
@@ -180,10 +180,10 @@ def test_a_database_that_goes_and_comes_back_is_waited_for(
 
 @needs_postgres
 def test_patience_with_a_database_ends(server: postgres.Server, tmp_path: Path) -> None:
-    ledger = fake.ledger(server.database(tmp_path.name), Rules(patience_s=1.0))
+    ledger = fake.ledger(server.database(tmp_path.name), RetryPolicy(patience_s=1.0))
     server.stop()
     try:
-        with pytest.raises(Unreachable, match="database away"):
+        with pytest.raises(StorageUnreachable, match="database away"):
             ledger.store.patiently(ledger.claim)
     finally:
         server.start()
@@ -194,7 +194,7 @@ def test_groups_are_kept_together_and_shared_last(storage: str) -> None:
     one, other = fake.ledger(storage), fake.ledger(storage)
     one.fill(fake.job(number, "good") for number in range(30))
 
-    def next_group(ledger: Ledger) -> int:
+    def next_group(ledger: GridQueue) -> int:
         claim = ledger.claim()
         assert claim is not None
         return int(claim.job.name) // 10
@@ -205,7 +205,7 @@ def test_groups_are_kept_together_and_shared_last(storage: str) -> None:
 
 
 def test_no_one_is_lost_while_the_database_was_away(storage: str) -> None:
-    ledger = fake.ledger(storage, Rules(heartbeat_s=1, grace_s=2))
+    ledger = fake.ledger(storage, RetryPolicy(heartbeat_s=1, grace_s=2))
     ledger.fill([fake.job(0, "good")])
     assert ledger.claim() is not None
     time.sleep(3.5)
@@ -245,4 +245,4 @@ def test_studies_of_other_budgets_are_refused(storage: str) -> None:
 )
 def test_storages_that_cannot_be_opened(where: str, told: str) -> None:
     with pytest.raises(InputError, match=told):
-        Store(where, Rules())
+        StudyStorage(where, RetryPolicy())

@@ -11,15 +11,16 @@ from optuna.trial import TrialState
 from sweep_trial import BUDGET, trainer
 
 from laesi_tf.training import load_run
-from sweeps import jobs, pictured
-from sweeps.book import Job
-from sweeps.grid import FACTORS, POINTS, Point
-from sweeps.ledger import Ledger
-from sweeps.objective import Training
-from sweeps.search import PRUNED_AT, Search
-from sweeps.store import Rules, Store
-from sweeps.trainer import Trainer
-from sweeps.worker import work
+from sweeps.queue import job_selection
+from sweeps.queue.grid_queue import GridQueue
+from sweeps.queue.study_storage import RetryPolicy, StudyStorage
+from sweeps.queue.tpe_queue import PRUNED_AT, TpeQueue
+from sweeps.queue.trial_queue import Job
+from sweeps.trials import artifacts
+from sweeps.trials.objective import TrainingObjective
+from sweeps.trials.search_space import FACTORS, POINTS, Point
+from sweeps.trials.trial_runner import TrialRunner
+from sweeps.workers.worker import run_trials
 
 # One network and optimizer, so that one compiled step does.
 CHOSEN = [n for n, p in enumerate(POINTS) if (p.start, p.optimizer) == ("small_imagenet", "sgd")][:4]
@@ -27,18 +28,18 @@ SEARCHED = FACTORS | {"start": ("small_imagenet",), "optimizer": ("sgd",)}
 
 
 @pytest.fixture(scope="module")
-def shared() -> Iterator[Trainer]:
+def shared() -> Iterator[TrialRunner]:
     yield trainer()
 
 
-def store(folder: Path) -> Store:
-    return Store(str(folder / "study.db"), Rules())
+def store(folder: Path) -> StudyStorage:
+    return StudyStorage(str(folder / "study.db"), RetryPolicy())
 
 
-def test_trials_are_kept_with_all_that_the_dashboard_shows(shared: Trainer, tmp_path: Path) -> None:
-    ledger = Ledger(store(tmp_path), "grid", FACTORS)
-    ledger.fill(jobs.screening(CHOSEN))
-    work(ledger, Training(shared, ledger, tmp_path))
+def test_trials_are_kept_with_all_that_the_dashboard_shows(shared: TrialRunner, tmp_path: Path) -> None:
+    ledger = GridQueue(store(tmp_path), "grid", FACTORS)
+    ledger.fill(job_selection.select_points(CHOSEN))
+    run_trials(ledger, TrainingObjective(shared, ledger, tmp_path))
     trials = [standing.complete for standing in ledger.standings().values()]
     attributes = {"images_per_s", "parameters", "inference_ms", "checkpoint", "seed", "median", "worker"}
     best = float("inf")
@@ -63,10 +64,10 @@ def test_trials_are_kept_with_all_that_the_dashboard_shows(shared: Trainer, tmp_
 
 
 def test_a_divergence_is_told_and_tried_with_other_seeds(
-    shared: Trainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shared: TrialRunner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ledger = Ledger(store(tmp_path), "grid", FACTORS)
-    ledger.fill(jobs.screening(CHOSEN[:1]))
+    ledger = GridQueue(store(tmp_path), "grid", FACTORS)
+    ledger.fill(job_selection.select_points(CHOSEN[:1]))
     clean, seeds = shared.pictures.training, []
 
     def poisoned(augmentations: tuple[str, ...], seed: int):  # type: ignore[no-untyped-def]
@@ -76,16 +77,16 @@ def test_a_divergence_is_told_and_tried_with_other_seeds(
 
     shared.prepare(POINTS[CHOSEN[0]], 0)
     monkeypatch.setattr(shared.pictures, "training", poisoned)
-    work(ledger, Training(shared, ledger, tmp_path))
+    run_trials(ledger, TrainingObjective(shared, ledger, tmp_path))
     (standing,) = ledger.standings().values()
     assert [trial.user_attrs["reason"] for trial in standing.failed] == ["training diverged: nan at step 1"]
     assert standing.complete is not None and standing.complete.user_attrs["seed"] == 1000
     assert seeds == [0, 1000] and standing.job.seed == 0
 
 
-def test_a_search_trains_the_same_points_and_prunes(shared: Trainer, tmp_path: Path) -> None:
-    search = Search(store(tmp_path), "tpe", SEARCHED, trials=16, seed=0)
-    work(search, Training(shared, search, tmp_path))
+def test_a_search_trains_the_same_points_and_prunes(shared: TrialRunner, tmp_path: Path) -> None:
+    search = TpeQueue(store(tmp_path), "tpe", SEARCHED, trials=16, seed=0)
+    run_trials(search, TrainingObjective(shared, search, tmp_path))
     ended = [trial for trial in search.trials() if trial.state is TrialState.COMPLETE]
     pruned = [trial for trial in search.trials() if trial.state is TrialState.PRUNED]
     assert len(ended) + len(pruned) == 16 and pruned
@@ -95,21 +96,21 @@ def test_a_search_trains_the_same_points_and_prunes(shared: Trainer, tmp_path: P
 
 def test_charts_of_odd_losses_are_drawn() -> None:
     for losses in ([1.0], [0.5, 0.5], [3.0, 0.0, 1e3]):
-        drawn = cv2.imdecode(np.frombuffer(pictured.curve(losses), np.uint8), cv2.IMREAD_COLOR)
+        drawn = cv2.imdecode(np.frombuffer(artifacts.draw_loss_curve(losses), np.uint8), cv2.IMREAD_COLOR)
         assert (drawn < 128).any(axis=-1).sum() > 20
 
 
 def test_finalists_are_the_best_and_the_papers_optimum(tmp_path: Path) -> None:
-    ledger = Ledger(store(tmp_path), "grid", FACTORS)
-    ledger.fill(jobs.screening(range(6)))
+    ledger = GridQueue(store(tmp_path), "grid", FACTORS)
+    ledger.fill(job_selection.select_points(range(6)))
     while claim := ledger.claim():
         ledger.finish(claim, [abs(int(claim.job.name) - 4) + 1.0, 1.0], {})
-    chosen = jobs.finalists(ledger.standings(), count=2, seeds=3)
+    chosen = job_selection.select_finalists(ledger.standings(), count=2, seeds=3)
     assert [job.name for job in chosen] == [
         f"{n}/{seed}" for n in ("0004", "0003", "0002") for seed in (1, 2, 3)
     ]
     assert all(isinstance(job, Job) and job.seed == int(job.name[-1]) for job in chosen)
     # From best to worst the points are 4, 3, 5, 2, 1, 0.
-    spread = jobs.spread(ledger.standings(), count=3, seeds=1)
+    spread = job_selection.select_across_ranking(ledger.standings(), count=3, seeds=1)
     assert [job.name for job in spread] == ["0004/1", "0005/1", "0000/1"]
-    assert len(jobs.spread(ledger.standings(), count=99, seeds=2)) == 12
+    assert len(job_selection.select_across_ranking(ledger.standings(), count=99, seeds=2)) == 12

@@ -10,11 +10,12 @@ import yaml
 
 from laesi_tf.errors import InputError
 from laesi_tf.training import load_run
-from sweeps import employed, run, watch
-from sweeps.book import Book
-from sweeps.grid import POINTS
-from sweeps.orders import Orders
-from sweeps.store import Rules
+from sweeps import dashboard, run
+from sweeps.queue.study_storage import RetryPolicy
+from sweeps.queue.trial_queue import TrialQueue
+from sweeps.trials.search_space import POINTS
+from sweeps.workers import process
+from sweeps.workers.worker_settings import WorkerSettings
 
 SMALL = [n for n, p in enumerate(POINTS) if (p.start, p.optimizer) == ("small_imagenet", "sgd")][:3]
 TINY = "--size 32 --batch-size 8 --steps 4 --pictures 16 --validation 64 --calibration 32 --alpha 0.35"
@@ -64,38 +65,38 @@ def test_bad_input(tmp_path: Path, more: list[str], told: str) -> None:
 
 
 def test_a_study_with_points_given_up_ends_with_status_1(tmp_path: Path) -> None:
-    options = run._options().parse_args(arguments(tmp_path, "--points", "3"))
-    orders = run._orders(options)
+    options = run._make_parser().parse_args(arguments(tmp_path, "--points", "3"))
+    orders = run._make_settings(options)
     ledger = orders.open()
-    run._filled(ledger, run._jobs(options, ledger.store))
+    run._enqueue_jobs(ledger, run._select_jobs(options, ledger.store))
     while claim := ledger.claim():
         ledger.fail(claim, "as it was told")
     with pytest.raises(SystemExit) as ended:
         run.main(arguments(tmp_path, "--points", "3"))
     assert ended.value.code == 1
-    ledger = run._orders(run._options().parse_args(arguments(tmp_path, "--retries", "5"))).open()
-    run._filled(ledger, run._jobs(options, ledger.store))
+    ledger = run._make_settings(run._make_parser().parse_args(arguments(tmp_path, "--retries", "5"))).open()
+    run._enqueue_jobs(ledger, run._select_jobs(options, ledger.store))
     assert ledger.claim() is not None, "more retries than before take it up again"
 
 
 def test_a_worker_that_finds_the_database_away_comes_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    orders = run._orders(run._options().parse_args(arguments(tmp_path, "--points", "3")))
-    opened, open_it = [], Orders.open
+    orders = run._make_settings(run._make_parser().parse_args(arguments(tmp_path, "--points", "3")))
+    opened, open_it = [], WorkerSettings.open
 
-    def away(self: Orders) -> Book:
+    def away(self: WorkerSettings) -> TrialQueue:
         opened.append(self)
         if len(opened) < 3:
             raise InputError("cannot open the storage")
         return open_it(self)
 
-    monkeypatch.setattr(Orders, "open", away)
-    monkeypatch.setattr(employed, "_PAUSE_S", 0.0)
-    assert employed._opened(orders).name == "grid"
+    monkeypatch.setattr(WorkerSettings, "open", away)
+    monkeypatch.setattr(process, "_RETRY_PAUSE_S", 0.0)
+    assert process._open_queue(orders).name == "grid"
     opened.clear()
     with pytest.raises(InputError, match="cannot open"):
-        employed._opened(dataclasses.replace(orders, rules=Rules(patience_s=-1)))
+        process._open_queue(dataclasses.replace(orders, rules=RetryPolicy(patience_s=-1)))
 
 
 def test_the_compose_file_starts_what_there_is() -> None:
@@ -104,8 +105,8 @@ def test_the_compose_file_starts_what_there_is() -> None:
     assert "ports" not in services["database"]
     assert all(re.fullmatch(r"127\.0\.0\.1:\d+:8080", port) for port in services["dashboard"]["ports"])
     for name, module, options in (
-        ("workers", "run", run._options()),
-        ("dashboard", "watch", watch._options()),
+        ("workers", "run", run._make_parser()),
+        ("dashboard", "watch", dashboard._make_parser()),
     ):
         written = services[name]["command"]
         command = re.sub(r"\$\{\w+:-(\w*)\}", r"\1", written).split()

@@ -14,10 +14,10 @@ from sweep_trial import BUDGET, made, told, trainer
 from laesi_tf import metrics, runs, training
 from laesi_tf.errors import InputError
 from laesi_tf.schedules import OPTIMIZERS, SCHEDULES, Rates, optimizer, state
-from sweeps.budget import Budget
-from sweeps.grid import Point
-from sweeps.pictures import Pictures
-from sweeps.trainer import Trainer
+from sweeps.trials.budget import Budget
+from sweeps.trials.search_space import Point
+from sweeps.trials.training_data import TrainingData
+from sweeps.trials.trial_runner import TrialRunner
 
 HERE = Path(__file__).parent
 NADAM = Point("small_imagenet", "nadam", "cosine", "all")
@@ -25,15 +25,15 @@ PLAIN = Point("small_imagenet", "nadam", "constant", "none")
 
 
 @pytest.fixture(scope="module")
-def shared() -> Trainer:
+def shared() -> TrialRunner:
     return trainer()
 
 
-def result(trained: Trainer, point: Point, seed: int = 0) -> dict[str, object]:
+def result(trained: TrialRunner, point: Point, seed: int = 0) -> dict[str, object]:
     return told(trained, point, trained.run(point, seed))
 
 
-def test_a_shared_step_gives_what_a_fresh_process_gives_to_the_last_bit(shared: Trainer) -> None:
+def test_a_shared_step_gives_what_a_fresh_process_gives_to_the_last_bit(shared: TrialRunner) -> None:
     shared.run(PLAIN, 0)
     shared.run(Point("small_imagenet", "nadam", "linear", "paper"), 3)
     path = os.pathsep.join([str(HERE), str(HERE.parent)])
@@ -45,7 +45,7 @@ def test_a_shared_step_gives_what_a_fresh_process_gives_to_the_last_bit(shared: 
     assert result(shared, NADAM) == json.loads(fresh.stdout)
 
 
-def test_trials_do_not_depend_on_those_before(shared: Trainer) -> None:
+def test_trials_do_not_depend_on_those_before(shared: TrialRunner) -> None:
     first = result(shared, NADAM)
     others = [result(shared, PLAIN), result(shared, NADAM, seed=1), result(shared, PLAIN, seed=1)]
     assert result(shared, NADAM) == first
@@ -54,7 +54,7 @@ def test_trials_do_not_depend_on_those_before(shared: Trainer) -> None:
 
 
 def test_a_trial_that_diverged_leaves_nothing_behind(
-    shared: Trainer, monkeypatch: pytest.MonkeyPatch
+    shared: TrialRunner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = result(shared, PLAIN)
     clean = shared.pictures.training
@@ -70,7 +70,7 @@ def test_a_trial_that_diverged_leaves_nothing_behind(
     assert result(shared, PLAIN) == before
 
 
-def test_rungs_tell_how_far_it_is_and_change_nothing(shared: Trainer) -> None:
+def test_rungs_tell_how_far_it_is_and_change_nothing(shared: TrialRunner) -> None:
     before, reached = result(shared, PLAIN), {}
     outcome = shared.run(PLAIN, 0, rungs=(2, 4), reached=lambda step, mre: reached.update({step: mre}))
     assert told(shared, PLAIN, outcome) == before
@@ -83,7 +83,7 @@ def test_rungs_tell_how_far_it_is_and_change_nothing(shared: Trainer) -> None:
         shared.run(PLAIN, 0, rungs=(2,), reached=enough)
 
 
-def test_it_trains_as_fit_does(shared: Trainer, tmp_path: Path) -> None:
+def test_it_trains_as_fit_does(shared: TrialRunner, tmp_path: Path) -> None:
     """On the same pictures; batch normalisation is then recalibrated on the same as well."""
     outcome, config = shared.run(NADAM, 0), BUDGET.config(NADAM, 0)
     with pytest.MonkeyPatch.context() as patched:
@@ -97,14 +97,14 @@ def test_it_trains_as_fit_does(shared: Trainer, tmp_path: Path) -> None:
     assert runs.load_run(tmp_path).config == config
 
 
-def test_points_share_a_step_by_network_and_optimizer(shared: Trainer) -> None:
+def test_points_share_a_step_by_network_and_optimizer(shared: TrialRunner) -> None:
     keys = {point: shared.key(point) for point in (NADAM, PLAIN)}
     assert len(set(keys.values())) == 1
     large = [Point(start, "sgd", "linear", "none") for start in ("large_imagenet", "large_scratch")]
     assert shared.key(large[0]) == shared.key(large[1]) != shared.key(PLAIN)
 
 
-def test_memory_is_flat_over_a_hundred_trials(shared: Trainer) -> None:
+def test_memory_is_flat_over_a_hundred_trials(shared: TrialRunner) -> None:
     def rss_mb() -> float:
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
@@ -121,7 +121,7 @@ def test_memory_is_flat_over_a_hundred_trials(shared: Trainer) -> None:
 
 
 def test_each_picture_comes_once_before_any_comes_again() -> None:
-    pictures = Pictures(BUDGET, threads=2, made=made)
+    pictures = TrainingData(BUDGET, threads=2, made=made)
     stream = np.concatenate([images for images, _ in pictures.training((), 0)])
     again = np.concatenate([images for images, _ in pictures.training((), 0)])
     other = np.concatenate([images for images, _ in pictures.training((), 1)])
@@ -135,7 +135,7 @@ def test_each_picture_comes_once_before_any_comes_again() -> None:
     assert 3 < sum(mirrored) < 29 and sum(mirrored) + sum(same) == 32
 
 
-def test_the_best_guess_is_the_best_of_all_guesses(shared: Trainer) -> None:
+def test_the_best_guess_is_the_best_of_all_guesses(shared: TrialRunner) -> None:
     areas = np.concatenate([target[:, 0] for _, target in shared.pictures.validation])
     tried = [metrics.mre(np.full_like(areas, guess), areas) for guess in np.linspace(1, 60, 2000)]
     assert min(tried) * 0.995 < shared.pictures.guess_mre() <= min(tried) + 1e-6

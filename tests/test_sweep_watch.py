@@ -13,7 +13,7 @@ import pytest
 from sweep_study import finished
 
 from laesi_tf.errors import InputError
-from sweeps import watch
+from sweeps import dashboard
 
 SECONDS = 5.0
 """How long the study may take to open, its 1,425 trials and the Pareto front to show."""
@@ -27,7 +27,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     random = np.random.default_rng(0)
     values = np.stack([random.uniform(20, 90, 1425), random.choice([1.5, 4.0], 1425)], axis=1)
     finished(str(folder / "study.db"), values)
-    server = watch.served(str(folder / "study.db"), None, host="127.0.0.1", port=0)
+    server = dashboard.make_dashboard_server(str(folder / "study.db"), None, host="127.0.0.1", port=0)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
     server.shutdown()
@@ -57,13 +57,13 @@ def test_it_serves_what_was_found(address: str) -> None:
 
 
 def test_it_listens_on_this_machine_alone_unless_told_otherwise() -> None:
-    assert watch._options().parse_args([]).host == "127.0.0.1"
+    assert dashboard._make_parser().parse_args([]).host == "127.0.0.1"
 
 
 def test_bad_input(address: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no storage"):
-        watch.served(str(tmp_path / "none.db"), None, host="127.0.0.1", port=0)
+        dashboard.make_dashboard_server(str(tmp_path / "none.db"), None, host="127.0.0.1", port=0)
     (tmp_path / "study.db").touch()
     taken = int(address.rpartition(":")[2])
     with pytest.raises(InputError, match="choose another --port"):
-        watch.served(str(tmp_path / "study.db"), None, host="127.0.0.1", port=taken)
+        dashboard.make_dashboard_server(str(tmp_path / "study.db"), None, host="127.0.0.1", port=taken)

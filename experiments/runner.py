@@ -1,0 +1,111 @@
+"""Run jobs of the experiments: train what is not trained, measure what is not measured, keep all metrics."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import keras
+
+from experiments import datasets
+from experiments.datasets import PhotoSplits
+from experiments.experiment_specs import Job, job_config
+from experiments.mask_only_estimator import MaskOnlyEstimator
+from experiments.paths import MEASURED, MIXTURE, SETTINGS
+from laesi_tf import runs
+from laesi_tf.config import TrainConfig
+from laesi_tf.data.synthetic import Task
+from laesi_tf.errors import InputError
+from laesi_tf.estimators import Estimator, Regression, RuleBased
+from laesi_tf.files import read_json, write_json
+from laesi_tf.runs import Run, load_run
+from laesi_tf.scoring import evaluate, summarise
+from laesi_tf.training import fit
+
+_EVALUATED_SPLITS = ("val", "test")
+
+Metrics = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExperimentRunner:
+    """Experiments in the folder `out`, with data sets in the folder `sets`, at a scale of 0 to 1."""
+
+    out: Path
+    sets: Path
+    photos: PhotoSplits
+    scale: float
+    weights: str
+
+    def begin(self) -> None:
+        """Note what the experiments are made with. Raises InputError where others have begun in `out`."""
+        settings = {"scale": self.scale, "photos": self.photos.counts, "manifest": self.photos.digest}
+        path = self.out / SETTINGS
+        if not path.is_file():
+            write_json(path, settings)
+        elif read_json(path) != settings:
+            raise InputError(
+                f"{self.out} holds experiments on other photos or at another scale; choose another --out"
+            )
+
+    def missing(self, trial: Job) -> str | None:
+        """Why `trial` cannot be run, or None where it can."""
+        if trial.task == "mask" and not self.photos.masked:
+            return "no masks in some split of the manifest"
+        size = job_config(trial.task, scale=self.scale).size
+        return datasets.explain_missing_data(trial, self.sets, size=size, scale=self.scale)
+
+    def run(self, trial: Job) -> Metrics:
+        """The figures of `trial` on validation and test photos, as `summarise` gives them.
+
+        What a killed run did is kept: training continues, and what was measured is read. Raises InputError,
+        also where the trial was begun with another recipe or other data.
+        """
+        path = self.out / trial.folder / MEASURED
+        by_rules = trial.row.kind == "rule_based"
+        if not path.is_file():
+            write_json(path, self._by_rules(trial) if by_rules else self._trained(trial))
+        elif not by_rules:
+            runs.origin_of(path.parent, self._config(trial))
+        return read_json(path)
+
+    def finished(self, trial: Job) -> bool:
+        """Whether nothing is left to be done."""
+        return (self.out / trial.folder / MEASURED).is_file()
+
+    def _config(self, trial: Job) -> TrainConfig:
+        mixture = str((self.out / trial.group / MIXTURE).resolve())
+        return job_config(
+            trial.task, scale=self.scale, weights=self.weights, seed=trial.seed, mixture=mixture
+        )
+
+    def _by_rules(self, trial: Job) -> Metrics:
+        scenes = datasets.generate_square_photos(trial, self.sets, scale=self.scale)
+        found = summarise(evaluate(RuleBased(), scenes))
+        return dict.fromkeys(_EVALUATED_SPLITS, found)
+
+    def _trained(self, trial: Job) -> Metrics:
+        settings, splits = self._config(trial), self.photos.splits
+        side, task = settings.size[0], cast(Task, trial.task)
+        datasets.write_mixture(
+            Path(settings.mixture), trial, self.photos, self.sets, size=side, scale=self.scale
+        )
+        judged = datasets.make_validation_batches(
+            splits["val"], task=task, size=side, batch_size=settings.batch_size
+        )
+        result = fit(
+            settings, self.out / trial.folder, validation=judged, validated_on="the validation photos"
+        )
+        estimator = _make_estimator(load_run(result.path))
+        found: dict[str, Any] = {
+            name: summarise(evaluate(estimator, splits[name])) for name in _EVALUATED_SPLITS
+        }
+        # Two dozen networks with their graphs would fill the memory.
+        keras.utils.clear_session()
+        return found | {key: result.metrics[key] for key in ("weights_origin", "minutes")}
+
+
+def _make_estimator(run: Run) -> Estimator:
+    if run.config.task == "mask":
+        return MaskOnlyEstimator(run.model, run.config.size)
+    return Regression(run.model, run.config.size, run.config.transform)

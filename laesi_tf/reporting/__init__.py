@@ -1,0 +1,1 @@
+"""Overlays, charts and reports for people to look at."""

@@ -1,0 +1,1 @@
+"""Analysis of a finished sweep: tables, effects, rankings, charts and findings."""

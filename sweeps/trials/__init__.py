@@ -1,0 +1,1 @@
+"""One trial: its search space, budget, data, training and artifacts."""

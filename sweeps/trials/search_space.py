@@ -1,0 +1,73 @@
+"""The 1,425 points of the search: 3 starting points x 5 optimizers x 5 schedules x 19 augmentation sets.
+
+The paper says that 1,425 experiments were made and names the values of the best (section 4.2); the
+supplement with their matrix is lost. This is a matrix of that size around that optimum. The reasons:
+
+* Starting points: the paper varies MobileNetV3 Large and Small and starts its best model from ImageNet.
+  Large is also trained from scratch, which shows what the pretraining is worth; Small from scratch would
+  ask the same question again.
+* Optimizers: the paper's RMSprop, which MobileNets were trained with; Adam and AdamW, today's defaults with
+  and without decoupled weight decay; SGD with Nesterov momentum, the classic of image recognition; Nadam,
+  Adam with that momentum. All have the paper's rate of 1e-3: the matrix varies the kind, not the rate, so
+  where one of them is behind it is behind at this rate, which is low for SGD.
+* Schedules: piecewise constant from 1e-3 to 1e-9 as in the paper, and four others with the same ends.
+  Exponential falls through the same range without plateaus; cosine with a warm-up and linear are the usual
+  ones today and stay high for longer; constant is the control without any decay.
+* Augmentations: none and all nine are the ends, the paper's seven its choice. Each of the nine alone says
+  what it does by itself, the seven less one what each adds to the rest.
+"""
+
+import dataclasses
+import itertools
+from dataclasses import dataclass
+
+from laesi_tf.data.augment import AUGMENTATIONS, PAPER
+
+STARTS = ("large_imagenet", "small_imagenet", "large_scratch")
+LEARNING_RATE, FINAL_LEARNING_RATE = 1e-3, 1e-9
+"""The paper's ends of the learning rate."""
+
+
+def _make_augmentation_sets() -> dict[str, tuple[str, ...]]:
+    nine, seven = tuple(AUGMENTATIONS), PAPER
+    alone = {name: (name,) for name in nine}
+    without = {f"paper_less_{left}": tuple(name for name in seven if name != left) for left in seven}
+    return {"none": (), "all": nine, "paper": seven, **alone, **without}
+
+
+AUGMENTATION_SETS = _make_augmentation_sets()
+"""The augmentations of each set, by its name."""
+
+FACTORS: dict[str, tuple[str, ...]] = {
+    "start": STARTS,
+    "optimizer": ("rmsprop", "adam", "adamw", "sgd", "nadam"),
+    "schedule": ("piecewise", "exponential", "cosine", "linear", "constant"),
+    "augmentation": tuple(AUGMENTATION_SETS),
+}
+"""The levels of each factor; the points are all combinations, the last factor varying fastest."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One way to train: a level of every factor."""
+
+    start: str
+    optimizer: str
+    schedule: str
+    augmentation: str
+
+    @property
+    def levels(self) -> dict[str, str]:
+        """The level of each factor."""
+        return dataclasses.asdict(self)
+
+    @property
+    def augmentations(self) -> tuple[str, ...]:
+        """What pictures are augmented with."""
+        return AUGMENTATION_SETS[self.augmentation]
+
+
+POINTS: tuple[Point, ...] = tuple(Point(*levels) for levels in itertools.product(*FACTORS.values()))
+"""All 1,425, in the order of their numbers."""
+OPTIMUM = Point("large_imagenet", "rmsprop", "piecewise", "paper")
+"""What the paper found to be best."""
