@@ -18,7 +18,7 @@ from laesi_tf.errors import InputError
 from laesi_tf.files import digest, write_text
 from laesi_tf.generate import generate
 from laesi_tf.synthesis import load_ranges
-from laesi_tf.synthesis.editing import as_toml
+from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
 SPLITS = ("train", "val", "test")
 _PER_SHARD = 1000
@@ -127,7 +127,7 @@ def _ensure_dataset(
         per_shard=_PER_SHARD,
         seed=seed,
         format=form,
-        ranges=as_toml(ranges),
+        ranges=ranges_to_toml(ranges),
     )
     generate(contents, ranges, path)
     return path

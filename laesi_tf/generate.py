@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.cli import parser, positive, progress, run, size
+from laesi_tf.synthesis import Ranges, load_ranges
+from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
 # isort: split
 import numpy as np
@@ -23,8 +25,6 @@ from laesi_tf.data import folders, records, synthetic
 from laesi_tf.data.records import Contents
 from laesi_tf.files import require_writable, write_json
 from laesi_tf.machine import peak_rss_mb
-from laesi_tf.synthesis import Ranges, load_ranges
-from laesi_tf.synthesis.editing import as_toml
 
 Picture = dict[str, np.ndarray]
 # Writes a shard of pictures, each with its species' name, whole or not at all.
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str]) -> None:
         per_shard=options.per_shard,
         seed=options.seed,
         format=options.format,
-        ranges=as_toml(ranges),
+        ranges=ranges_to_toml(ranges),
     )
     figures = generate(contents, ranges, options.out, part=options.shard)
     if options.json is not None:

@@ -10,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import middle
 
-from laesi_tf.synthesis import camera, noise
-from laesi_tf.synthesis.camera import Camera
+from laesi_tf.synthesis import filters, geometry
+from laesi_tf.synthesis.camera import imaging
+from laesi_tf.synthesis.camera.params import CameraParams
+from laesi_tf.synthesis.camera.view import IMAGE_BORDER, CameraView, compute_view, pinhole_homography
 
 ANGLES = st.floats(-math.pi, math.pi)
 FAST = settings(max_examples=25, deadline=None)
@@ -19,11 +21,11 @@ LUMA = np.array([0.299, 0.587, 0.114])
 BOX = np.array([[-50, -20], [50, -20], [50, 20], [-50, 20]], np.float32)
 
 
-def seen(size: tuple[int, int] = (300, 400), **given: float | bool) -> camera.View:
-    return camera.view(middle(Camera(), **given), tf.constant(BOX), size)
+def seen(size: tuple[int, int] = (300, 400), **given: float | bool) -> CameraView:
+    return compute_view(middle(CameraParams(), **given), tf.constant(BOX), size)
 
 
-def tilted(tilt: float, direction: float, roll: float) -> camera.View:
+def tilted(tilt: float, direction: float, roll: float) -> CameraView:
     return seen(tilted=True, tilt_deg=tilt, tilt_direction=direction, roll=roll)
 
 
@@ -37,15 +39,15 @@ def test_projection_is_opencvs(tilt: float, direction: float, roll: float) -> No
     to_px = tilted(tilt, direction, roll).to_px
     points = np.random.default_rng(0).uniform(-60, 60, (30, 2)).astype(np.float32)
     expected = cv2.perspectiveTransform(points[None].astype(np.float64), to_px.numpy().astype(np.float64))[0]
-    np.testing.assert_allclose(camera.project(to_px, tf.constant(points)), expected, atol=1e-2)
+    np.testing.assert_allclose(geometry.project_points(to_px, tf.constant(points)), expected, atol=1e-2)
 
 
 @FAST
 @given(tilt=st.floats(0, 20), direction=ANGLES, roll=ANGLES)
 def test_sheet_coordinates_invert_the_projection(tilt: float, direction: float, roll: float) -> None:
     to_px = tilted(tilt, direction, roll).to_px
-    x, y = camera.sheet_coordinates(to_px, (30, 40))
-    back = camera.project(to_px, tf.stack([x, y], axis=-1)).numpy()
+    x, y = geometry.pixel_centres_to_sheet(to_px, (30, 40))
+    back = geometry.project_points(to_px, tf.stack([x, y], axis=-1)).numpy()
     expected = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), -1)
     np.testing.assert_allclose(back, expected, atol=0.02)
 
@@ -58,20 +60,20 @@ def test_scale_is_the_root_of_the_jacobian(tilt: float, direction: float, x: flo
     steps = np.array([[x + 1e-3, y], [x - 1e-3, y], [x, y + 1e-3], [x, y - 1e-3]])
     right, left, below, above = cv2.perspectiveTransform(steps[None], matrix)[0]
     numeric = np.linalg.det(np.stack([right - left, below - above])) / 4e-6
-    found = float(camera.scale_at(to_px, tf.constant([x, y], tf.float32)))
+    found = float(geometry.px_per_mm_at(to_px, tf.constant([x, y], tf.float32)))
     assert found == pytest.approx(math.sqrt(abs(numeric)), rel=1e-3)
 
 
 def test_homography_is_a_pinhole_over_a_tilted_sheet() -> None:
     tilt, direction, roll, distance, scale = 0.3, 0.7, -1.1, 140.0, 3.5
-    found = camera._pinhole(*(tf.constant(number) for number in (tilt, direction, roll, distance, scale)))
+    found = pinhole_homography(*(tf.constant(number) for number in (tilt, direction, roll, distance, scale)))
     points = np.random.default_rng(1).uniform(-50, 50, (20, 2))
     axis = np.array([math.cos(direction), math.sin(direction), 0])
     turn, _ = cv2.Rodrigues(axis * tilt)
     space = np.pad(points, [(0, 0), (0, 1)]) @ turn.T + [0, 0, distance]
     seen_at = scale * distance * space[:, :2] / space[:, 2:]
     rolled = np.array([[math.cos(roll), -math.sin(roll)], [math.sin(roll), math.cos(roll)]])
-    projected = camera.project(found, tf.constant(points, tf.float32))
+    projected = geometry.project_points(found, tf.constant(points, tf.float32))
     np.testing.assert_allclose(projected, seen_at @ rolled.T, atol=1e-2)
 
 
@@ -86,15 +88,15 @@ def test_leaf_keeps_off_the_frame(
         (200, 300), fill=fill, place_x=place, place_y=1 - place, roll=roll, tilted=True, tilt_deg=tilt,
         tilt_direction=direction,
     )  # fmt: skip
-    corners = camera.project(view.to_px, tf.constant(BOX)).numpy()
-    edge = camera.MARGIN * np.array([300, 200])
+    corners = geometry.project_points(view.to_px, tf.constant(BOX)).numpy()
+    edge = IMAGE_BORDER * np.array([300, 200])
     assert (corners >= edge - 0.05).all() and (corners <= [300, 200] - edge + 0.05).all()
 
 
 def test_place_moves_the_leaf_from_border_to_border() -> None:
     for place, expected in ((0.0, 8.0), (1.0, 392.0)):
         view = seen(place_x=place, roll=0.0, tilted=False)
-        corners = camera.project(view.to_px, tf.constant(BOX)).numpy()[:, 0]
+        corners = geometry.project_points(view.to_px, tf.constant(BOX)).numpy()[:, 0]
         assert (corners.min() if place == 0 else corners.max()) == pytest.approx(expected, abs=0.1)
 
 
@@ -110,29 +112,35 @@ def test_blur_is_opencvs(sigma: float) -> None:
     image = picture()
     kernel = cv2.getGaussianKernel(13, sigma)
     expected = [cv2.sepFilter2D(c, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE) for c in image]
-    found = camera.blur(tf.constant(image), tf.constant(sigma), 6)
+    found = filters.gaussian_blur(tf.constant(image), tf.constant(sigma), 6)
     np.testing.assert_allclose(found, np.stack(expected), atol=1e-3)
 
 
 def test_focus_blurs_by_millimetres_where_the_scene_has_it() -> None:
     image = tf.constant(picture(size=(224, 224)))
-    sharp = camera.focus(image, middle(Camera(), blurred=False), tf.constant(3.0))
+    sharp = imaging.apply_focus_blur(image, middle(CameraParams(), blurred=False), tf.constant(3.0))
     np.testing.assert_array_equal(sharp, image)
-    soft = camera.focus(image, middle(Camera(), blurred=True, blur_mm=0.1), tf.constant(3.5))
-    np.testing.assert_allclose(soft, camera.blur(image, tf.constant(0.35), 4), atol=1e-3)
+    soft = imaging.apply_focus_blur(
+        image, middle(CameraParams(), blurred=True, blur_mm=0.1), tf.constant(3.5)
+    )
+    np.testing.assert_allclose(soft, filters.gaussian_blur(image, tf.constant(0.35), 4), atol=1e-3)
 
 
 def test_widest_blur_fits_its_taps() -> None:
     # At the closest view the widest blur is 0.25 mm * 224 / 70 px = 0.8 px.
     image = tf.constant(picture(size=(224, 224)))
-    widest = camera.focus(image, middle(Camera(), blurred=True, blur_mm=0.25), tf.constant(224 / 70))
-    np.testing.assert_allclose(widest, camera.blur(image, tf.constant(0.8), 8), atol=0.06)
+    widest = imaging.apply_focus_blur(
+        image, middle(CameraParams(), blurred=True, blur_mm=0.25), tf.constant(224 / 70)
+    )
+    np.testing.assert_allclose(widest, filters.gaussian_blur(image, tf.constant(0.8), 8), atol=0.06)
 
 
 def test_neutral_development_changes_nothing() -> None:
-    neutral = middle(Camera(), warmth=0.0, green=0.0, exposure=1.0, contrast=1.0, saturation=1.0)
+    neutral = middle(CameraParams(), warmth=0.0, green=0.0, exposure=1.0, contrast=1.0, saturation=1.0)
     white = tf.ones([3, 1, 1])
-    np.testing.assert_allclose(camera.develop(tf.constant(picture()), neutral, white), picture(), atol=1e-5)
+    np.testing.assert_allclose(
+        imaging.apply_white_balance_and_tone(tf.constant(picture()), neutral, white), picture(), atol=1e-5
+    )
 
 
 def test_development_is_what_its_numbers_say() -> None:
@@ -144,23 +152,28 @@ def test_development_is_what_its_numbers_say() -> None:
     grey = np.tensordot(LUMA, balanced, 1)
     expected = ((grey + 0.8 * (balanced - grey)) - 0.5) * 1.1 + 0.5
     # Contrast turns about mid-grey before or after the gains alike: it is the last of the affine maps.
-    found = camera.develop(tf.constant(image), middle(Camera(), **numbers), tf.constant(paper))
+    found = imaging.apply_white_balance_and_tone(
+        tf.constant(image), middle(CameraParams(), **numbers), tf.constant(paper)
+    )
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 def test_sensor_noise_has_its_strength_and_is_stronger_in_the_shadows() -> None:
     image = np.zeros((3, 100, 100), np.float32)
     image[:, 50:] = 0.9
-    grain = noise.grain(tf.constant([0.2, 0.6]), (100, 100))
-    silent = camera.sensor_noise(tf.constant(image), middle(Camera(), noise=0.0), grain)
+    grain = imaging.cut_sensor_noise(tf.constant([0.2, 0.6]), (100, 100))
+    silent = imaging.add_sensor_noise(tf.constant(image), middle(CameraParams(), noise=0.0), grain)
     np.testing.assert_array_equal(silent, image)
-    noisy = camera.sensor_noise(tf.constant(image), middle(Camera(), noise=0.04), grain).numpy() - image
+    noisy = (
+        imaging.add_sensor_noise(tf.constant(image), middle(CameraParams(), noise=0.04), grain).numpy()
+        - image
+    )
     assert noisy[:, :50].std() == pytest.approx(0.04 * 1.25, rel=0.05)
     assert noisy[:, 50:].std() == pytest.approx(0.04 * (1.25 - 0.54), rel=0.05)
 
 
 def softened(image: np.ndarray) -> tf.Tensor:
-    return camera.with_chroma(tf.constant(image), camera.halved_chroma(tf.constant(image)))
+    return imaging.restore_chroma(tf.constant(image), imaging.subsample_chroma(tf.constant(image)))
 
 
 def test_chroma_softness_leaves_luma_alone() -> None:

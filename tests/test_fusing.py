@@ -4,24 +4,24 @@ import numpy as np
 import tensorflow as tf
 from scenes import middle
 
-from laesi_tf.synthesis.fusing import fused
-from laesi_tf.synthesis.light import Light
+from laesi_tf.synthesis.light import LightParams
+from laesi_tf.synthesis.xla import compile_with_xla
 
 
-@fused
-def dimmed(image: tf.Tensor, light: Light, offset: float) -> tf.Tensor:
+@compile_with_xla
+def dimmed(image: tf.Tensor, light: LightParams, offset: float) -> tf.Tensor:
     return image * tf.where(light.glass, light.strength, 1.0) + offset
 
 
 def test_rooms_keep_their_numbers_and_truths() -> None:
     image = tf.ones([2, 3])
     for glass, expected in ((True, 0.25), (False, 1.0)):
-        lit = middle(Light(), glass=glass, strength=0.25)
+        lit = middle(LightParams(), glass=glass, strength=0.25)
         np.testing.assert_array_equal(dimmed(image, lit, 0.5), np.full((2, 3), expected + 0.5))
 
 
 def test_eagerly_and_in_a_dataset_alike() -> None:
-    lit = middle(Light(), glass=True, strength=0.3)
+    lit = middle(LightParams(), glass=True, strength=0.3)
     images = tf.random.stateless_uniform([4, 5, 7], [1, 2])
     made = tf.data.Dataset.from_tensor_slices(images).map(lambda image: dimmed(image, lit, 0.1))
     for image, found in zip(images, made, strict=True):

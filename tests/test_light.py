@@ -8,9 +8,9 @@ import pytest
 import tensorflow as tf
 from scenes import middle
 
-from laesi_tf.synthesis import light
-from laesi_tf.synthesis.keys import Key
-from laesi_tf.synthesis.light import Light
+from laesi_tf.synthesis import filters, light
+from laesi_tf.synthesis.light import LightParams
+from laesi_tf.synthesis.random_streams import RandomStreams
 
 SIZE = (120, 160)
 
@@ -20,10 +20,10 @@ def disk() -> np.ndarray:
     return ((rows - 60) ** 2 + (columns - 80) ** 2 < 25**2).astype(np.float32)
 
 
-def lit_beside(disk: np.ndarray, lit: Light) -> np.ndarray:
+def lit_beside(disk: np.ndarray, lit: LightParams) -> np.ndarray:
     """Light left [H, W] on a white sheet under `disk`, at 4 pixels per mm."""
-    depth = light.shadow(tf.constant(disk), lit, SIZE, tf.constant(4.0))
-    return light.shaded(tf.ones(SIZE), depth, lit).numpy()
+    depth = light.shadow_depth(tf.constant(disk), lit, SIZE, tf.constant(4.0))
+    return light.apply_shadow(tf.ones(SIZE), depth, lit).numpy()
 
 
 def centre_of(field: np.ndarray) -> np.ndarray:
@@ -35,14 +35,14 @@ def centre_of(field: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("spread", [5.0, 9.0])
 def test_soften_is_a_gaussian_blur(spread: float) -> None:
     expected = cv2.GaussianBlur(disk(), (0, 0), spread, borderType=cv2.BORDER_CONSTANT)
-    found = light.soften(tf.constant(disk()), SIZE, tf.constant(spread)).field.numpy()
+    found = filters.blur_and_shift(tf.constant(disk()), SIZE, tf.constant(spread)).field.numpy()
     # Blocks of four pixels widen it by 4 / sqrt(12) px in quadrature.
     np.testing.assert_allclose(found, expected, atol=0.02)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.2, -2.5])
 def test_shadow_falls_where_light_travels(angle: float) -> None:
-    lit = middle(Light(), strength=0.5, direction=angle, offset_mm=3.0, softness_mm=1.0)
+    lit = middle(LightParams(), strength=0.5, direction=angle, offset_mm=3.0, softness_mm=1.0)
     left = lit_beside(disk(), lit)
     moved = centre_of(1 - left) - centre_of(disk())
     np.testing.assert_allclose(moved, [12 * math.cos(angle), 12 * math.sin(angle)], atol=0.1)
@@ -50,72 +50,82 @@ def test_shadow_falls_where_light_travels(angle: float) -> None:
 
 
 def test_shadow_of_no_strength_takes_no_light() -> None:
-    lit = middle(Light(), strength=0.0)
+    lit = middle(LightParams(), strength=0.0)
     assert (lit_beside(disk(), lit) == 1).all()
 
 
 def test_larger_size_makes_a_softer_edge() -> None:
     steepest = []
     for softness in (0.5, 3.0):
-        lit = middle(Light(), strength=0.5, softness_mm=softness)
+        lit = middle(LightParams(), strength=0.5, softness_mm=softness)
         left = lit_beside(disk(), lit)
         steepest.append(np.abs(np.diff(left, axis=1)).max())
     assert steepest[0] > 2 * steepest[1] > 0
 
 
-def plain(**given: float | bool) -> Light:
+def plain(**given: float | bool) -> LightParams:
     """Even light, but for what is `given`."""
     none = {"slope": 0.0, "vignette": 0.0, "unevenness": 0.0, "cast": False}
-    return middle(Light(), **(none | given))
+    return middle(LightParams(), **(none | given))
 
 
 def test_even_light_is_one() -> None:
-    np.testing.assert_allclose(light.illumination(plain(), light.lattice(Key(0, 0)), SIZE), 1, atol=1e-4)
+    np.testing.assert_allclose(
+        light.illumination(plain(), light.sample_illumination_grid(RandomStreams(0, 0)), SIZE), 1, atol=1e-4
+    )
 
 
 def test_slope_brightens_towards_where_light_travels() -> None:
-    field = light.illumination(plain(slope=0.4, direction=0.0), light.lattice(Key(0, 0)), SIZE).numpy()
+    field = light.illumination(
+        plain(slope=0.4, direction=0.0), light.sample_illumination_grid(RandomStreams(0, 0)), SIZE
+    ).numpy()
     assert (np.diff(field[60]) > 0).all() and np.ptp(field[:, 80]) < 1e-3
     assert field[60, -1] - field[60, 0] == pytest.approx(0.4, abs=0.05)
 
 
 def test_vignette_darkens_corners() -> None:
-    field = light.illumination(plain(vignette=0.3), light.lattice(Key(0, 0)), (160, 160)).numpy()
+    field = light.illumination(
+        plain(vignette=0.3), light.sample_illumination_grid(RandomStreams(0, 0)), (160, 160)
+    ).numpy()
     assert field[80, 80] == pytest.approx(1, abs=0.01) and field[0, 0] == pytest.approx(0.85, abs=0.03)
 
 
 @pytest.mark.parametrize("size", [(80, 160), (160, 80)])
 def test_light_falls_alike_on_either_side_of_the_middle(size: tuple[int, int]) -> None:
-    field = light.illumination(plain(vignette=0.3), light.lattice(Key(0, 0)), size).numpy()
+    field = light.illumination(
+        plain(vignette=0.3), light.sample_illumination_grid(RandomStreams(0, 0)), size
+    ).numpy()
     np.testing.assert_allclose(field, field[::-1, ::-1], atol=0.01)
 
 
 def test_a_hands_shadow_takes_its_strength_from_one_side() -> None:
     lit = plain(cast=True, cast_strength=0.5, cast_softness=0.02, cast_offset=0.0, cast_angle=0.0)
-    field = light.illumination(lit, light.lattice(Key(0, 0)), SIZE).numpy()
+    field = light.illumination(lit, light.sample_illumination_grid(RandomStreams(0, 0)), SIZE).numpy()
     assert field[60, 5] == pytest.approx(1, abs=0.02) and field[60, 155] == pytest.approx(0.5, abs=0.02)
 
 
 def test_flat_surface_keeps_its_colour() -> None:
     colour = tf.constant(np.random.default_rng(0).uniform(size=(3, 8, 9)).astype(np.float32))
-    lit = middle(Light(), gloss=0.3)
-    flat = light.facing((tf.zeros([8, 9]), tf.zeros([8, 9])), lit)
-    np.testing.assert_allclose(light.relief(colour, flat, lit), colour)
+    lit = middle(LightParams(), gloss=0.3)
+    flat = light.slope_towards_light((tf.zeros([8, 9]), tf.zeros([8, 9])), lit)
+    np.testing.assert_allclose(light.shade_relief(colour, flat, lit), colour)
 
 
 def test_flanks_towards_the_light_are_brighter() -> None:
-    lit = middle(Light(), direction=0.0, relief=0.5, gloss=0.2)
+    lit = middle(LightParams(), direction=0.0, relief=0.5, gloss=0.2)
     slopes = tf.constant([[-0.4, 0.0, 0.4]]), tf.zeros([1, 3])
-    towards, flat, away = light.relief(tf.fill([3, 1, 3], 0.5), light.facing(slopes, lit), lit).numpy()[0, 0]
+    towards, flat, away = light.shade_relief(
+        tf.fill([3, 1, 3], 0.5), light.slope_towards_light(slopes, lit), lit
+    ).numpy()[0, 0]
     assert away == pytest.approx(0.4) and flat == pytest.approx(0.5)
     assert towards == pytest.approx(0.6 + 0.2 * 0.35**2)
 
 
 def test_glass_lifts_the_dark_within_its_pane() -> None:
     image = tf.fill([3, *SIZE], 0.3)
-    through = middle(Light(), glass=True, glass_strength=0.4, glass_veil=0.05, glass_width=0.2)
-    seen = light.behind_glass(image, light.glass(through, SIZE)).numpy()
+    through = middle(LightParams(), glass=True, glass_strength=0.4, glass_veil=0.05, glass_width=0.2)
+    seen = light.add_glass_reflection(image, light.glass_reflection(through, SIZE)).numpy()
     assert seen.min() == pytest.approx(0.3 + 0.05 * 0.67, abs=5e-3)
     assert seen.max() == pytest.approx(0.3 + 0.45 * 0.67, abs=0.02)
-    without = light.glass(middle(Light(), glass=False), SIZE)
-    np.testing.assert_array_equal(light.behind_glass(image, without), image)
+    without = light.glass_reflection(middle(LightParams(), glass=False), SIZE)
+    np.testing.assert_array_equal(light.add_glass_reflection(image, without), image)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.camera import imaging
 
 SIZES = st.tuples(st.integers(1, 40), st.integers(1, 40))
 
@@ -34,8 +35,8 @@ def perlin(gradients: np.ndarray, row: float, column: float) -> float:
 
 def test_gradient_noise_is_zero_at_the_nodes() -> None:
     gradients = lattice(2, 20, 20)
-    at_nodes = noise.gradient(gradients, (9, 9), cells=18.0).field.numpy()
-    between = noise.gradient(gradients, (9, 9), cells=17.0).field.numpy()
+    at_nodes = noise.gradient_noise(gradients, (9, 9), cells=18.0).field.numpy()
+    between = noise.gradient_noise(gradients, (9, 9), cells=17.0).field.numpy()
     assert np.abs(at_nodes).max() < 1e-5 and np.abs(between).max() > 0.1
 
 
@@ -44,7 +45,7 @@ def test_gradient_noise_is_zero_at_the_nodes() -> None:
 def test_gradient_noise_is_perlins(size: tuple[int, int], cells: float, seed: int) -> None:
     gradients = lattice(2, 9, 9, seed=seed)
     expected = np.vectorize(lambda row, column: perlin(gradients, row, column))(*pixel_places(size, cells))
-    found = noise.gradient(gradients, size, cells=cells).field.numpy()
+    found = noise.gradient_noise(gradients, size, cells=cells).field.numpy()
     np.testing.assert_allclose(found, 1.4 * expected, atol=1e-4)
 
 
@@ -53,16 +54,16 @@ def test_gradient_noise_is_perlins(size: tuple[int, int], cells: float, seed: in
 def test_upsampling_is_the_cubic_b_spline(size: tuple[int, int], cells: float, seed: int) -> None:
     values = lattice(10, 10, seed=seed)
     expected = ndimage.map_coordinates(values, pixel_places(size, cells) + 1, order=3, prefilter=False)
-    np.testing.assert_allclose(noise.upsample(values, size, cells=cells).field, expected, atol=1e-5)
+    np.testing.assert_allclose(noise.interpolate_grid(values, size, cells=cells).field, expected, atol=1e-5)
 
 
 def test_upsampling_keeps_a_constant_up_to_the_border() -> None:
-    np.testing.assert_allclose(noise.upsample(tf.ones([8, 8]), (30, 50)).field, 1, atol=1e-5)
+    np.testing.assert_allclose(noise.interpolate_grid(tf.ones([8, 8]), (30, 50)).field, 1, atol=1e-5)
 
 
 def test_simple_noise_is_centred_and_about_unit_range() -> None:
     uniform = np.random.default_rng(1).uniform(size=(40, 40)).astype(np.float32)
-    field = noise.simple(uniform, (200, 200)).field.numpy()
+    field = noise.simple_noise(uniform, (200, 200)).field.numpy()
     assert abs(field.mean()) < 0.05 and 0.8 < np.abs(field).max() <= 2
 
 
@@ -70,7 +71,7 @@ def test_voronoi_distances_are_those_of_a_search_through_all_points() -> None:
     for seed in range(5):
         jitter = np.random.default_rng(seed).uniform(size=(2, 10, 10)).astype(np.float32)
         points = (jitter + np.indices((10, 10)) - 1).reshape(2, -1)
-        found = noise.voronoi_lattice(tf.constant(jitter)).numpy()
+        found = noise.voronoi_distance_grid(tf.constant(jitter)).numpy()
         places = (np.indices(found.shape) + 0.5) * 8 / len(found)
         distances = np.linalg.norm(places[:, :, :, None] - points[:, None, None, :], axis=0)
         # The search looks at nine cells: a point two cells away may be nearer where the nine are far.
@@ -80,23 +81,23 @@ def test_voronoi_distances_are_those_of_a_search_through_all_points() -> None:
 
 def test_voronoi_noise_is_centred() -> None:
     jitter = np.random.default_rng(3).uniform(size=(2, 10, 10)).astype(np.float32)
-    field = noise.voronoi(tf.constant(jitter), (120, 120)).field.numpy()
+    field = noise.voronoi_noise(tf.constant(jitter), (120, 120)).field.numpy()
     assert abs(field.mean()) < 0.15 and field.min() > -1 and field.max() < 1.3
 
 
 def test_blend_is_the_papers_weighted_sum() -> None:
     pairs = [(lattice(4, k, seed=k), lattice(5, k, seed=9 + k)) for k in (2, 3, 6)]
-    fields = tuple(noise.Factors(tf.constant(down), tf.constant(across)) for down, across in pairs)
-    blended = noise.blend((0.2, 0.3, 0.5), fields).field.numpy()
+    fields = tuple(noise.SeparableField(tf.constant(down), tf.constant(across)) for down, across in pairs)
+    blended = noise.blend_noises((0.2, 0.3, 0.5), fields).field.numpy()
     expected = sum(w * down @ across.T for w, (down, across) in zip((0.2, 0.3, 0.5), pairs, strict=True))
     np.testing.assert_allclose(blended, expected, atol=1e-6)
 
 
 def test_grain_is_white_and_of_unit_variance() -> None:
-    grain = noise.grain(tf.constant([0.3, 0.7]), (128, 96)).numpy()
+    grain = imaging.cut_sensor_noise(tf.constant([0.3, 0.7]), (128, 96)).numpy()
     assert grain.shape == (3, 128, 96)
     np.testing.assert_allclose(grain.std(axis=(1, 2)), 1, atol=0.03)
     for neighbour in (grain[:, 1:], grain[:, :, 1:]):
         rows, columns = neighbour.shape[1:]
         assert abs(np.mean(grain[:, :rows, :columns] * neighbour)) < 0.03
-    assert np.abs(grain - noise.grain(tf.constant([0.31, 0.7]), (128, 96)).numpy()).max() > 1
+    assert np.abs(grain - imaging.cut_sensor_noise(tf.constant([0.31, 0.7]), (128, 96)).numpy()).max() > 1

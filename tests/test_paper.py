@@ -11,10 +11,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import RENDERING_2, changed, middle, only
 
-from laesi_tf.synthesis import Ranges, paper, synthesise
-from laesi_tf.synthesis.keys import Key
-from laesi_tf.synthesis.paper import Paper
-from laesi_tf.synthesis.ranges import Chance
+from laesi_tf.synthesis import Ranges, colour, synthesise
+from laesi_tf.synthesis.paper.params import PaperParams
+from laesi_tf.synthesis.paper.ruling import (
+    compute_ink_absorbance,
+    line_profiles,
+    look_up_line_coverage,
+    pack_line_transmission,
+    ruling_cells,
+)
+from laesi_tf.synthesis.paper.sheet import (
+    _GRADIENT_NODES,
+    _SIMPLE_NODES,
+    crease_shading,
+    distance_to_sheet_edge,
+    paper_noise,
+    sample_sheet_noise_grids,
+)
+from laesi_tf.synthesis.random_streams import RandomStreams
+from laesi_tf.synthesis.ranges import Probability
 
 UNIT = st.floats(0, 1, width=32)
 
@@ -31,16 +46,16 @@ def line(position: np.ndarray, pitch: float, width: float, spread: float, footpr
 
 @pytest.mark.parametrize("footprint", [0.1, 0.35, 0.7])
 def test_line_profiles_are_blurred_lines(footprint: float) -> None:
-    sheet = middle(Paper(), width_1mm=0.2, width_5mm=0.3, width_10mm=0.4, ink_spread_mm=0.08)
-    found = paper.line_profiles(sheet, 20, tf.constant(footprint)).numpy()
+    sheet = middle(PaperParams(), width_1mm=0.2, width_5mm=0.3, width_10mm=0.4, ink_spread_mm=0.08)
+    found = line_profiles(sheet, 20, tf.constant(footprint)).numpy()
     position = (np.arange(200) + 0.5) / 20
     for row, (pitch, width) in zip(found, ((1, 0.2), (5, 0.3), (10, 0.4)), strict=True):
         np.testing.assert_allclose(row, line(position, pitch, width, 0.08, footprint), atol=0.02)
 
 
 def test_wide_ink_leaves_the_papers_single_sine() -> None:
-    sheet = middle(Paper(), ink_spread_mm=0.3, width_1mm=0.5)
-    profile = paper.line_profiles(sheet, 20, tf.constant(0.01)).numpy()[0]
+    sheet = middle(PaperParams(), ink_spread_mm=0.3, width_1mm=0.5)
+    profile = line_profiles(sheet, 20, tf.constant(0.01)).numpy()[0]
     wave = np.cos(2 * np.pi * (np.arange(200) + 0.5) / 20)
     amplitude = 2 * np.mean(profile * wave)
     assert amplitude > 0.05
@@ -48,24 +63,24 @@ def test_wide_ink_leaves_the_papers_single_sine() -> None:
 
 
 def test_a_grid_finer_than_the_pixels_fades_to_its_mean() -> None:
-    sheet = middle(Paper(), width_1mm=0.3, ink_spread_mm=0.02)
+    sheet = middle(PaperParams(), width_1mm=0.3, ink_spread_mm=0.02)
     swing = {}
     for footprint in (0.1, 0.5, 1.0):
-        profile = paper.line_profiles(sheet, 20, tf.constant(footprint)).numpy()[0]
+        profile = line_profiles(sheet, 20, tf.constant(footprint)).numpy()[0]
         assert profile.mean() == pytest.approx(0.3, abs=2e-3)
         swing[footprint] = np.ptp(profile)
     assert swing[0.1] > 0.9 and 0.1 < swing[0.5] < 0.5 and swing[1.0] < 0.01
 
 
-def ruling(sheet: Paper, x: np.ndarray, y: np.ndarray, samples: int, footprint: float) -> np.ndarray:
+def ruling(sheet: PaperParams, x: np.ndarray, y: np.ndarray, samples: int, footprint: float) -> np.ndarray:
     """Absorbance [3, H, W] at `x` and `y` [H, W] mm."""
-    passing = paper.transmission(sheet, samples, tf.constant(footprint))
-    where = paper.places(sheet, samples, tf.constant(x, tf.float32), tf.constant(y, tf.float32))
-    lines = paper.ruling(passing, where)
-    return paper.absorbed(sheet, *lines).numpy()
+    passing = pack_line_transmission(sheet, samples, tf.constant(footprint))
+    where = ruling_cells(sheet, samples, tf.constant(x, tf.float32), tf.constant(y, tf.float32))
+    lines = look_up_line_coverage(passing, where)
+    return compute_ink_absorbance(sheet, *lines).numpy()
 
 
-def one_period(sheet: Paper, samples: int, footprint: float) -> np.ndarray:
+def one_period(sheet: PaperParams, samples: int, footprint: float) -> np.ndarray:
     """Absorbance [3, n, n] over one period from its beginning, rows along y."""
     at_start = dataclasses.replace(sheet, phase_x=tf.constant(0.0), phase_y=tf.constant(0.0))
     places = (np.arange(10 * samples) + 0.5) / samples
@@ -75,7 +90,7 @@ def one_period(sheet: Paper, samples: int, footprint: float) -> np.ndarray:
 @settings(max_examples=10, deadline=None)
 @given(x=st.floats(-300, 300), y=st.floats(-300, 300), phase=st.floats(0, 10))
 def test_ruling_is_the_tile_repeated(x: float, y: float, phase: float) -> None:
-    sheet = middle(Paper(), has_5mm=True, has_10mm=True, phase_x=phase, phase_y=3.0)
+    sheet = middle(PaperParams(), has_5mm=True, has_10mm=True, phase_x=phase, phase_y=3.0)
     tile = one_period(sheet, 40, 0.3)
     found = ruling(sheet, np.array([[x]]), np.array([[y]]), 40, 0.3)[:, 0, 0]
     row, column = (int(np.floor((place % 10) * 40)) % 400 for place in (y + 3, x + phase))
@@ -86,23 +101,28 @@ def test_ruling_is_the_tile_repeated(x: float, y: float, phase: float) -> None:
 
 
 def test_lines_of_either_axis_run_along_it() -> None:
-    sheet = middle(Paper(), has_5mm=False, has_10mm=False, strength_10mm=0.0, ink_spread_mm=0.02)
+    sheet = middle(PaperParams(), has_5mm=False, has_10mm=False, strength_10mm=0.0, ink_spread_mm=0.02)
     tile = one_period(sheet, 20, 0.05).max(axis=0)
     between_lines, on_line = tile[10, 10], (tile[0, 10], tile[10, 0])
     assert min(on_line) > between_lines + 0.1
 
 
 def test_a_sheet_has_5_or_10_mm_lines() -> None:
-    without = middle(Paper(), has_5mm=False, has_10mm=False, strength_1mm=0.0)
+    without = middle(PaperParams(), has_5mm=False, has_10mm=False, strength_1mm=0.0)
     assert np.ptp(one_period(without, 20, 0.1)) > 0.05
 
 
 def bare(**camera: object) -> Ranges:
     """One millimetre lines on an untilted sheet in line with the picture."""
     lines = {"width_1mm": (0.25, 0.3), "strength_1mm": (0.9, 1.0), "strength_10mm": 0.0}
-    ink = {"ink_spread_mm": 0.03, "ink_darkness": (0.6, 0.7), "has_5mm": Chance(0.0), "has_10mm": Chance(0.0)}
+    ink = {
+        "ink_spread_mm": 0.03,
+        "ink_darkness": (0.6, 0.7),
+        "has_5mm": Probability(0.0),
+        "has_10mm": Probability(0.0),
+    }
     ranges = changed(only("ruling"), "paper", **lines, **ink)
-    return changed(ranges, "camera", **({"tilted": Chance(0.0), "roll": 0.0, "place_x": 1.0} | camera))
+    return changed(ranges, "camera", **({"tilted": Probability(0.0), "roll": 0.0, "place_x": 1.0} | camera))
 
 
 def test_measured_pitch_is_the_scale() -> None:
@@ -131,33 +151,33 @@ def test_a_distant_grid_does_not_alias() -> None:
 @settings(max_examples=30, deadline=None)
 @given(hue=UNIT, saturation=UNIT)
 def test_tint_is_the_colour_wheel(hue: float, saturation: float) -> None:
-    found = paper.tint(tf.constant(hue), tf.constant(saturation))
+    found = colour.hsv_to_rgb(tf.constant(hue), tf.constant(saturation))
     np.testing.assert_allclose(found, colorsys.hsv_to_rgb(hue, saturation, 1), atol=1e-4)
 
 
 def test_margin_is_the_distance_from_the_sheets_nearest_side() -> None:
-    sheet = middle(Paper(), left=10.0, right=20.0, top=5.0, bottom=40.0)
+    sheet = middle(PaperParams(), left=10.0, right=20.0, top=5.0, bottom=40.0)
     leaf = tf.constant([[-30.0, -10.0], [30.0, 10.0], [0.0, 4.0]])
     x, y = np.meshgrid(np.linspace(-60, 80, 15), np.linspace(-30, 70, 11))
-    found = paper.margin(sheet, leaf, tf.constant(x, tf.float32), tf.constant(y, tf.float32))
+    found = distance_to_sheet_edge(sheet, leaf, tf.constant(x, tf.float32), tf.constant(y, tf.float32))
     sides = np.stack([x + 40, 50 - x, y + 15, 50 - y])
     np.testing.assert_allclose(found, sides.min(axis=0), atol=1e-4)
 
 
 def test_wear_thins_the_ink_and_noise_has_its_weights() -> None:
-    still = middle(Paper(), gradient_weight=0.0, voronoi_weight=0.0, simple_weight=0.0, print_wear=0.0)
-    blend, strength = paper.wear(still, paper.lattices(Key(0, 0)), (40, 60))
+    still = middle(PaperParams(), gradient_weight=0.0, voronoi_weight=0.0, simple_weight=0.0, print_wear=0.0)
+    blend, strength = paper_noise(still, sample_sheet_noise_grids(RandomStreams(0, 0)), (40, 60))
     assert not blend.numpy().any() and (strength.numpy() == 1).all()
-    worn = middle(Paper(), print_wear=0.5, gradient_weight=0.2)
-    blend, strength = paper.wear(worn, paper.lattices(Key(0, 0)), (40, 60))
+    worn = middle(PaperParams(), print_wear=0.5, gradient_weight=0.2)
+    blend, strength = paper_noise(worn, sample_sheet_noise_grids(RandomStreams(0, 0)), (40, 60))
     assert 0.5 <= strength.numpy().min() < 0.9 and strength.numpy().max() <= 1
     assert 0.05 < np.abs(blend.numpy()).max() < 0.5
 
 
 def test_crease_is_a_lit_and_a_shaded_flank() -> None:
-    sheet = middle(Paper(), crease_angle=0.0, crease_offset=0.1, crease_depth=0.1)
+    sheet = middle(PaperParams(), crease_angle=0.0, crease_offset=0.1, crease_depth=0.1)
     x = np.linspace(-20, 40, 601, dtype=np.float32)[None]
-    shade = paper.crease(sheet, tf.constant(x), tf.zeros_like(x), tf.constant(100.0)).numpy()[0]
+    shade = crease_shading(sheet, tf.constant(x), tf.zeros_like(x), tf.constant(100.0)).numpy()[0]
     assert shade.sum() == pytest.approx(0, abs=1e-3)
     middle_mm = (x[0, shade.argmax()] + x[0, shade.argmin()]) / 2
     assert middle_mm == pytest.approx(10, abs=0.2)
@@ -166,5 +186,5 @@ def test_crease_is_a_lit_and_a_shaded_flank() -> None:
 
 def test_defaults_stay_within_the_noise_lattices() -> None:
     sheet = RENDERING_2.paper
-    assert sheet.simple_cells[1] <= paper._SIMPLE_NODES - 3
-    assert sheet.gradient_cells[1] <= paper._GRADIENT_NODES - 1
+    assert sheet.simple_cells[1] <= _SIMPLE_NODES - 3
+    assert sheet.gradient_cells[1] <= _GRADIENT_NODES - 1

@@ -8,9 +8,9 @@ from scenes import RENDERING_2, ROOMS, bounds, specs
 
 from laesi_tf.errors import InputError
 from laesi_tf.synthesis import Ranges, load_ranges, synthesise
-from laesi_tf.synthesis.editing import as_toml, every_component
-from laesi_tf.synthesis.presets import PRESETS
-from laesi_tf.synthesis.ranges import Chance, numbers
+from laesi_tf.synthesis.presets import PRESETS, enable_all_components
+from laesi_tf.synthesis.ranges import Probability, fields_of
+from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
 
 def written(folder: Path, text: str) -> Path:
@@ -22,7 +22,7 @@ def written(folder: Path, text: str) -> Path:
 def same(one: Ranges, other: Ranges) -> bool:
     """Whether two Ranges draw the same; a number alone is the same as a range of no width."""
     flat = [
-        [(room, field, isinstance(spec, Chance), spec.p if isinstance(spec, Chance) else bounds(spec))
+        [(room, field, isinstance(spec, Probability), spec.p if isinstance(spec, Probability) else bounds(spec))
          for room, field, spec in specs(ranges)]
         for ranges in (one, other)
     ]  # fmt: skip
@@ -35,14 +35,14 @@ def test_rendering_1_is_rendering_2_with_a_noisier_paper() -> None:
     noisy, narrow = (load_ranges(name) for name in ("rendering_1", "rendering_2"))
     assert dataclasses.replace(noisy, paper=narrow.paper) == narrow
     differing = {
-        name: (numbers(noisy.paper)[name], spec)
-        for name, spec in numbers(narrow.paper).items()
-        if numbers(noisy.paper)[name] != spec
+        name: (fields_of(noisy.paper)[name], spec)
+        for name, spec in fields_of(narrow.paper).items()
+        if fields_of(noisy.paper)[name] != spec
     }
     noise = {"gradient_weight", "voronoi_weight", "simple_weight", "print_wear", "creased", "crease_depth"}
     assert set(differing) == noise
     for name, (wide, usual) in differing.items():
-        if isinstance(wide, Chance):
+        if isinstance(wide, Probability):
             assert wide.p > usual.p, name
         else:
             assert bounds(wide)[0] <= bounds(usual)[0] or name == "crease_depth", name
@@ -71,10 +71,10 @@ def test_a_file_changes_only_what_it_names(tmp_path: Path) -> None:
     read, base = load_ranges(written(tmp_path, text)), PRESETS["rendering_1"]
     assert (read.lighting_passes, read.without) == (2, {"glass", "pen"})
     paper = dataclasses.replace(
-        read.paper, **{k: numbers(base.paper)[k] for k in ("hue", "brightness", "tinted")}
+        read.paper, **{k: fields_of(base.paper)[k] for k in ("hue", "brightness", "tinted")}
     )
     assert paper == base.paper
-    assert (read.paper.hue, read.paper.tinted) == ((0.1, 0.2), Chance(0.25))
+    assert (read.paper.hue, read.paper.tinted) == ((0.1, 0.2), Probability(0.25))
     assert bounds(read.paper.brightness) == (0.9, 0.9)
     assert "spiny" not in read.leaf and read.leaf["beech"] == base.leaf["beech"]
     weight, oak = read.leaf["oak"]
@@ -128,13 +128,13 @@ def test_unknown_ranges(source: str) -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_survive_being_written_and_read(name: str, tmp_path: Path) -> None:
-    assert same(load_ranges(written(tmp_path, as_toml(PRESETS[name]))), PRESETS[name])
+    assert same(load_ranges(written(tmp_path, ranges_to_toml(PRESETS[name]))), PRESETS[name])
 
 
 def test_kinds_left_out_are_written_in_one_order() -> None:
     """Data sets keep this text and are continued only with the same: it must not hang on hashes."""
     name, one = next(iter(RENDERING_2.leaf.items()))
-    lines = as_toml(dataclasses.replace(RENDERING_2, leaf={name: one})).splitlines()
+    lines = ranges_to_toml(dataclasses.replace(RENDERING_2, leaf={name: one})).splitlines()
     kinds = [line[6:-1] for line in lines if line.startswith("[leaf.")]
     assert kinds == [name, *(kind for kind in RENDERING_2.leaf if kind != name)]
 
@@ -149,13 +149,17 @@ def test_edited_ranges_survive_being_written_and_read(tmp_path: Path) -> None:
         glass = {chance = 0}
     """
     edited = load_ranges(written(tmp_path, text))
-    assert same(load_ranges(written(tmp_path, as_toml(edited))), edited) and not same(edited, RENDERING_2)
+    assert same(load_ranges(written(tmp_path, ranges_to_toml(edited))), edited) and not same(
+        edited, RENDERING_2
+    )
 
 
 def test_every_component_leaves_nothing_to_chance() -> None:
-    full = every_component(RENDERING_2)
-    chances = {spec.p for _, _, spec in specs(full) if isinstance(spec, Chance)}
-    others = [[spec for _, _, spec in specs(r) if not isinstance(spec, Chance)] for r in (full, RENDERING_2)]
-    assert full.props.calibration == Chance(0.0)  # what is never shown stays away
+    full = enable_all_components(RENDERING_2)
+    chances = {spec.p for _, _, spec in specs(full) if isinstance(spec, Probability)}
+    others = [
+        [spec for _, _, spec in specs(r) if not isinstance(spec, Probability)] for r in (full, RENDERING_2)
+    ]
+    assert full.props.calibration == Probability(0.0)  # what is never shown stays away
     assert chances == {0.0, 1.0} and others[0] == others[1]
     assert [weight for weight, _ in full.leaf.values()] == [weight for weight, _ in RENDERING_2.leaf.values()]

@@ -10,19 +10,20 @@ from green import photo
 from PIL import Image
 from scenes import RENDERING_2, changed, only
 
-from laesi_tf import preview as command
+from laesi_tf import preview
 from laesi_tf.errors import InputError
+from laesi_tf.reporting import scene_tiles
 from laesi_tf.synthesis import COMPONENTS, load_ranges
 from laesi_tf.synthesis.presets import PRESETS
-from laesi_tf.synthesis.ranges import Chance
+from laesi_tf.synthesis.ranges import Probability
 
 SHEETS = ("scenes.png", "components.png", "passes.png", "masks.png")
 
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(command, "_CANDIDATES", 1)
-    monkeypatch.setattr(command, "_LEAVES", 1)
+    monkeypatch.setattr(scene_tiles, "_CANDIDATES", 1)
+    monkeypatch.setattr(scene_tiles, "_LEAVES", 1)
 
 
 @pytest.fixture
@@ -37,7 +38,7 @@ def simple(tmp_path: Path) -> Path:
 def test_sheets_and_their_labels(simple: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     arguments = ["--ranges", str(simple), "--count", "7", "--size", "64", "--out", str(out)]
-    command.main([*arguments, "--json", str(out / "a.json")])
+    preview.main([*arguments, "--json", str(out / "a.json")])
     told = json.loads((out / "a.json").read_text())
     assert told["files"] == [str(out / name) for name in SHEETS] == capsys.readouterr().out.split()
     for name, columns, rows in zip(SHEETS, (6, 3, 4, 6), (2, 1, 1, 2), strict=True):
@@ -50,32 +51,32 @@ def test_sheets_and_their_labels(simple: Path, tmp_path: Path, capsys: pytest.Ca
 
 
 def test_each_component_changes_the_tile_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(command, "_CANDIDATES", 3)
-    with_square = changed(RENDERING_2, "props", calibration=Chance(0.5))
-    tiles = command.components(with_square, seed=0, size=256)
+    monkeypatch.setattr(scene_tiles, "_CANDIDATES", 3)
+    with_square = changed(RENDERING_2, "props", calibration=Probability(0.5))
+    tiles = scene_tiles.component_tiles(with_square, seed=0, size=256)
     assert len(tiles) == len(COMPONENTS) + 1
     same = [
         number for number, (one, other) in enumerate(itertools.pairwise(tiles))
-        if not command._differ(one[:256], other[:256])
+        if not scene_tiles._is_visibly_different(one[:256], other[:256])
     ]  # fmt: skip
     assert not same
 
 
 def test_components_that_ranges_leave_out_are_not_shown() -> None:
-    assert len(command.components(only("ruling", "spots"), seed=0, size=48)) == 3
+    assert len(scene_tiles.component_tiles(only("ruling", "spots"), seed=0, size=48)) == 3
 
 
 def test_passes_show_one_leaf_in_four_lights() -> None:
-    tiles = [tile[:64] for tile in command.passes(only("illumination"), seed=0, size=64)]
+    tiles = [tile[:64] for tile in scene_tiles.lighting_tiles(only("illumination"), seed=0, size=64)]
     assert len(tiles) == 4
-    assert all(command._differ(one, other) for one, other in itertools.pairwise(tiles))
+    assert all(scene_tiles._is_visibly_different(one, other) for one, other in itertools.pairwise(tiles))
 
 
 def test_outlines_follow_leaf_and_holes() -> None:
     mask = np.zeros((40, 50), np.uint8)
     mask[5:35, 8:40] = 1
     mask[15:20, 20:26] = 0
-    outlines = command._outlines(mask)
+    outlines = scene_tiles._trace_contours(mask)
     assert len(outlines) == 2
     low, high = outlines[0].min(axis=0), outlines[0].max(axis=0)
     assert low.tolist() == [8, 5] and high.tolist() == [39, 34]
@@ -86,7 +87,7 @@ def test_photos_stand_beside_the_scenes(simple: Path, tmp_path: Path) -> None:
     (tmp_path / "bad.png").write_bytes(b"no picture")
     (tmp_path / "manifest.csv").write_text("image,area_cm2\ngood.png,3\nbad.png,4\n")
     arguments = ["--ranges", str(simple), "--count", "4", "--size", "64", "--out", str(tmp_path / "out")]
-    command.main([*arguments, "--photos", str(tmp_path / "manifest.csv")])
+    preview.main([*arguments, "--photos", str(tmp_path / "manifest.csv")])
     with Image.open(tmp_path / "out" / "scenes.png") as sheet:
         first, second = (np.asarray(sheet.crop((12 + 76 * i, 12, 76 + 76 * i, 76))) for i in range(2))
     # The photo's leaf in the middle; a grey tile for the one that cannot be read.
@@ -95,7 +96,7 @@ def test_photos_stand_beside_the_scenes(simple: Path, tmp_path: Path) -> None:
 
 
 def test_printed_ranges_can_be_read_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command.main(["--ranges", "rendering_1", "--print-ranges", "--json", str(tmp_path / "ranges.json")])
+    preview.main(["--ranges", "rendering_1", "--print-ranges", "--json", str(tmp_path / "ranges.json")])
     printed = capsys.readouterr().out
     (tmp_path / "mine.toml").write_text(printed)
     read, preset = load_ranges(tmp_path / "mine.toml"), PRESETS["rendering_1"]
@@ -116,5 +117,5 @@ BAD = [
 @pytest.mark.parametrize("arguments", BAD)
 def test_bad_input(arguments: list[str], tmp_path: Path) -> None:
     with pytest.raises(InputError):
-        command.main([*arguments, "--out", str(tmp_path / "out")])
+        preview.main([*arguments, "--out", str(tmp_path / "out")])
     assert not (tmp_path / "out").exists()

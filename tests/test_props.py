@@ -9,11 +9,15 @@ import pytest
 import tensorflow as tf
 from scenes import complete, filled, middle
 
-from laesi_tf.synthesis import load_ranges, sample
-from laesi_tf.synthesis.keys import Key, Purpose
-from laesi_tf.synthesis.props import PROPS, Props, Stage, place, scatter, scribble
-from laesi_tf.synthesis.ranges import Chance, _low_bits, count, draw
-from laesi_tf.synthesis.scene import Scene, geometry, leaf_edges
+from laesi_tf.synthesis import load_ranges, sample_scene
+from laesi_tf.synthesis.props.drawing import PROPS, draw_props
+from laesi_tf.synthesis.props.handwriting import handwriting_stroke
+from laesi_tf.synthesis.props.params import PropsParams
+from laesi_tf.synthesis.props.placement import PropContext, place_beside_leaf
+from laesi_tf.synthesis.random_streams import RandomStreams, Stream
+from laesi_tf.synthesis.ranges import Probability, _low_bits, field_count, sample_params
+from laesi_tf.synthesis.scene import Scene
+from laesi_tf.synthesis.scene_layout import compute_layout, leaf_edges
 
 SIZE = (160, 160)
 RANGES = complete()
@@ -21,12 +25,12 @@ NOTHING = tf.fill([3, *SIZE], 2.0)
 """A picture brighter than anything, so that whatever lies on it is seen."""
 
 
-def staged(index: int) -> tuple[Scene, Stage, np.ndarray]:
+def staged(index: int) -> tuple[Scene, PropContext, np.ndarray]:
     """A scene, its stage, and where [H, W] its leaf is."""
-    scene = sample(4, index, RANGES)
-    around = geometry(scene, SIZE)
+    scene = sample_scene(4, index, RANGES)
+    around = compute_layout(scene, SIZE)
     cover = filled(leaf_edges(around, SIZE), SIZE)
-    return scene, Stage(leaf=around.outline, view=around.view, size=SIZE), np.abs(cover.numpy()) > 0.01
+    return scene, PropContext(leaf=around.outline, view=around.view, size=SIZE), np.abs(cover.numpy()) > 0.01
 
 
 @pytest.mark.parametrize("name", PROPS)
@@ -34,7 +38,7 @@ def test_prop_is_seen_and_never_covers_the_leaf(name: str) -> None:
     covered = []
     for index in range(8):
         scene, stage, leaf = staged(index)
-        laid = scatter(NOTHING, scene.props, stage, scene.key, [name]).numpy()
+        laid = draw_props(NOTHING, scene.props, stage, scene.key, [name]).numpy()
         touched = (np.abs(laid - 2) > 1e-4).any(axis=0)
         assert not (touched & leaf).any()
         assert np.isfinite(laid).all() and laid.min() >= -1e-4
@@ -44,14 +48,16 @@ def test_prop_is_seen_and_never_covers_the_leaf(name: str) -> None:
 
 def test_nothing_named_lays_nothing() -> None:
     scene, stage, _ = staged(0)
-    np.testing.assert_array_equal(scatter(NOTHING, scene.props, stage, scene.key, []), NOTHING)
+    np.testing.assert_array_equal(draw_props(NOTHING, scene.props, stage, scene.key, []), NOTHING)
 
 
 @pytest.mark.parametrize("direction", np.linspace(-3, 3, 5).tolist())
 def test_place_keeps_the_gap(direction: float) -> None:
     _, stage, _ = staged(1)
     square = tf.constant([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]])
-    points = place(square, stage, tf.constant(direction), tf.constant(0.4), tf.constant(3.0)).numpy()
+    points = place_beside_leaf(
+        square, stage, tf.constant(direction), tf.constant(0.4), tf.constant(3.0)
+    ).numpy()
     away = np.array([math.cos(direction), math.sin(direction)])
     assert (points @ away).min() - (stage.leaf.numpy() @ away).max() == pytest.approx(3, abs=1e-3)
     sides = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
@@ -60,7 +66,9 @@ def test_place_keeps_the_gap(direction: float) -> None:
 
 def test_writing_has_its_length_height_and_stroke() -> None:
     random = tf.constant(np.random.default_rng(0).uniform(size=32).astype(np.float32))
-    word = scribble(random, tf.constant(30.0), tf.constant(3.0), middle(Props(), stroke_mm=0.5)).numpy()
+    word = handwriting_stroke(
+        random, tf.constant(30.0), tf.constant(3.0), middle(PropsParams(), stroke_mm=0.5)
+    ).numpy()
     width, height = np.ptp(word, axis=0)
     assert 28 < width < 36 and 3 < height < 10
     half = len(word) // 2
@@ -70,7 +78,9 @@ def test_writing_has_its_length_height_and_stroke() -> None:
 
 def test_props_of_different_scenes_differ() -> None:
     scene, stage, _ = staged(2)
-    one, other = (scatter(NOTHING, scene.props, stage, Key(0, i), ["fragment"]).numpy() for i in (0, 1))
+    one, other = (
+        draw_props(NOTHING, scene.props, stage, RandomStreams(0, i), ["fragment"]).numpy() for i in (0, 1)
+    )
     assert (one != other).any()
 
 
@@ -80,10 +90,10 @@ CALIBRATION = load_ranges(Path(__file__).parents[1] / "experiments" / "calibrati
 def test_calibration_square_is_whole_and_has_its_size_on_the_sheet() -> None:
     """Counted on the sheet: each pixel that it covers has the size that the homography gives it there."""
     for index in range(12):
-        scene = sample(8, index, CALIBRATION)
-        place = geometry(scene, SIZE)
-        stage = Stage(leaf=place.outline, view=place.view, size=SIZE)
-        laid = scatter(NOTHING, scene.props, stage, scene.key, ["calibration"]).numpy()
+        scene = sample_scene(8, index, CALIBRATION)
+        place = compute_layout(scene, SIZE)
+        stage = PropContext(leaf=place.outline, view=place.view, size=SIZE)
+        laid = draw_props(NOTHING, scene.props, stage, scene.key, ["calibration"]).numpy()
         covered = (2 - laid[1]) / (2 - laid[1].min())
         assert not covered[[0, -1]].any() and not covered[:, [0, -1]].any()
         rows, columns = np.nonzero(covered)
@@ -96,21 +106,23 @@ def test_calibration_square_is_whole_and_has_its_size_on_the_sheet() -> None:
 
 def test_the_square_moves_no_number_of_pictures_without_it() -> None:
     """Its fields take no uniform number of their own, and its row of random numbers is the last."""
-    without_late = [field.name for field in dataclasses.fields(Props) if "late" not in field.metadata]
-    uniform = tf.constant(np.random.default_rng(0).uniform(size=count(Props())).astype(np.float32))
+    without_late = [field.name for field in dataclasses.fields(PropsParams) if "late" not in field.metadata]
+    uniform = tf.constant(
+        np.random.default_rng(0).uniform(size=field_count(PropsParams())).astype(np.float32)
+    )
     assert len(uniform) == len(without_late) and list(PROPS)[-1] == "calibration"
-    drawn = draw(Props(), uniform)
+    drawn = sample_params(PropsParams(), uniform)
     for name, number in zip(without_late, uniform.numpy(), strict=True):
-        spec = getattr(Props(), name)
-        low, high = (spec.p - 1, spec.p) if isinstance(spec, Chance) else spec
+        spec = getattr(PropsParams(), name)
+        low, high = (spec.p - 1, spec.p) if isinstance(spec, Probability) else spec
         value = np.float32(low) + number * (np.float32(high) - np.float32(low))
-        assert getattr(drawn, name).numpy() == (value >= 0 if isinstance(spec, Chance) else value), name
-    before, now = (Key(3, 7).uniform([rows, 80], Purpose.PROPS).numpy() for rows in (5, 6))
+        assert getattr(drawn, name).numpy() == (value >= 0 if isinstance(spec, Probability) else value), name
+    before, now = (RandomStreams(3, 7).uniform([rows, 80], Stream.PROPS).numpy() for rows in (5, 6))
     np.testing.assert_array_equal(before, now[:5])
 
 
 def test_late_numbers_are_uniform_and_independent_of_those_they_are_made_from() -> None:
-    uniform = Key(0, 0).uniform([4000], Purpose.SCENE)
+    uniform = RandomStreams(0, 0).uniform([4000], Stream.SCENE)
     low = _low_bits(uniform).numpy()
     assert low.min() >= 0 and low.max() < 1
     assert low.mean() == pytest.approx(0.5, abs=0.02) and low.var() == pytest.approx(1 / 12, rel=0.05)

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skimage.draw import polygon2mask
 
-from laesi_tf.synthesis import raster
+from laesi_tf.synthesis import rasterizer
+from laesi_tf.synthesis.polygons import polygon_edges, resample_polygon, signed_area, subdivide_polygon
 
 FAST = settings(max_examples=25, deadline=None)
 OFFSETS = st.floats(0, 1)
@@ -32,7 +33,7 @@ def rectangle(left: float, top: float, width: float, height: float) -> np.ndarra
 
 def filled(*polygons: np.ndarray, size: tuple[int, int] = (96, 128), pieces: int = 128) -> np.ndarray:
     edges = [
-        tf.reshape(raster.segments(raster.subdivide(tf.constant(points), pieces)), [-1, 2, 2])
+        tf.reshape(polygon_edges(subdivide_polygon(tf.constant(points), pieces)), [-1, 2, 2])
         for points in polygons
     ]
     return scenes.filled(tf.concat(edges, axis=0), size).numpy()
@@ -91,29 +92,31 @@ def test_what_lies_outside_is_cut_off(x: float, y: float) -> None:
 
 def test_union_of_overlapping_shapes_covers_once() -> None:
     two = np.stack([ellipse((50, 48), (20, 20)), ellipse((62, 48), (20, 20))])
-    cover = raster.union(scenes.filled(tf.reshape(raster.segments(two), [-1, 2, 2]), (96, 128))).numpy()
+    cover = rasterizer.union_coverage(
+        scenes.filled(tf.reshape(polygon_edges(two), [-1, 2, 2]), (96, 128))
+    ).numpy()
     lens = 2 * 20**2 * math.acos(12 / 40) - 6 * math.sqrt(4 * 20**2 - 12**2)
     assert cover.max() <= 1 and cover.sum() == pytest.approx(2 * math.pi * 400 - lens, rel=2e-3)
 
 
 def test_area_has_the_sign_of_the_turn() -> None:
     points = rectangle(2, 3, 7, 5)
-    assert float(raster.area(tf.constant(points))) == 35 and float(raster.area(points[::-1])) == -35
+    assert float(signed_area(tf.constant(points))) == 35 and float(signed_area(points[::-1])) == -35
 
 
 @FAST
 @given(pieces=st.integers(1, 9))
 def test_subdividing_keeps_corners_and_area(pieces: int) -> None:
     points = ellipse((30, 40), (10, 17), count=11)
-    fine = raster.subdivide(tf.constant(points), pieces).numpy()
+    fine = subdivide_polygon(tf.constant(points), pieces).numpy()
     assert fine.shape == (11 * pieces, 2)
     np.testing.assert_allclose(fine[::pieces], points)
-    assert float(raster.area(fine)) == pytest.approx(float(raster.area(points)), rel=1e-5)
+    assert float(signed_area(fine)) == pytest.approx(float(signed_area(points)), rel=1e-5)
 
 
 def test_resampling_is_even_and_stays_on_the_outline() -> None:
     points = rectangle(0, 0, 30, 10)
-    even = raster.resample(tf.constant(points), 160).numpy()
+    even = resample_polygon(tf.constant(points), 160).numpy()
     gaps = np.linalg.norm(np.roll(even, -1, axis=0) - even, axis=1)
     np.testing.assert_allclose(gaps, 0.5, atol=1e-4)
     on_side = np.isclose(even[:, 0] % 30, 0, atol=1e-4) | np.isclose(even[:, 1] % 10, 0, atol=1e-4)

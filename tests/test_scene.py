@@ -11,10 +11,10 @@ import tensorflow as tf
 from scenes import RENDERING_2, ROOMS, bounds, changed, complete, difference, only, specs
 
 from laesi_tf.data.synthetic import pictures
-from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render, sample, synthesise
-from laesi_tf.synthesis.keys import Purpose
-from laesi_tf.synthesis.ranges import Chance, count, draw_one_of, numbers
-from laesi_tf.synthesis.scene import geometry, leaf_edges
+from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render_scene, sample_scene, synthesise
+from laesi_tf.synthesis.random_streams import Stream
+from laesi_tf.synthesis.ranges import Probability, field_count, fields_of, sample_params_of_kind
+from laesi_tf.synthesis.scene_layout import compute_layout, leaf_edges
 
 SINGLY = RENDERING_2.with_passes(1)
 FULL = complete()
@@ -33,7 +33,7 @@ def mask_mm2(mask: np.ndarray, to_px: np.ndarray) -> float:
 
 
 def test_mask_and_label_agree_on_200_untilted_scenes() -> None:
-    flat = changed(only(ranges=SINGLY), "camera", tilted=Chance(0.0))
+    flat = changed(only(ranges=SINGLY), "camera", tilted=Probability(0.0))
     errors = []
     for made in pictures(seed=11, size=(1024, 1024), ranges=flat, count=200).as_numpy_iterator():
         found = made["mask"].sum(dtype=np.int64) / made["px_per_mm"] ** 2 / 100
@@ -44,7 +44,7 @@ def test_mask_and_label_agree_on_200_untilted_scenes() -> None:
 
 
 def test_mask_and_label_agree_on_tilted_scenes() -> None:
-    tilted = changed(only(ranges=SINGLY), "camera", tilted=Chance(1.0), tilt_deg=(10, 20))
+    tilted = changed(only(ranges=SINGLY), "camera", tilted=Probability(1.0), tilt_deg=(10, 20))
     errors, naive = [], []
     for made in pictures(seed=12, size=(768, 640), ranges=tilted, count=40).as_numpy_iterator():
         found = mask_mm2(made["mask"], made["to_px"]) / 100
@@ -61,10 +61,10 @@ def pinned() -> Callable[..., dict[str, tf.Tensor]]:
 
     @tf.function
     def make(index: tf.Tensor, kind: tf.Tensor, which: tf.Tensor, value: tf.Tensor) -> dict[str, tf.Tensor]:
-        scene = sample(5, index, SINGLY)
-        uniform = scene.key.uniform([count(KINDS[0])], Purpose.SCENE)
-        scene = dataclasses.replace(scene, leaf=draw_one_of(KINDS, kind, uniform))
-        return render(_set(scene, which, value), (160, 160), SINGLY)
+        scene = sample_scene(5, index, SINGLY)
+        uniform = scene.key.uniform([field_count(KINDS[0])], Stream.SCENE)
+        scene = dataclasses.replace(scene, leaf=sample_params_of_kind(KINDS, kind, uniform))
+        return render_scene(_set(scene, which, value), (160, 160), SINGLY)
 
     return make
 
@@ -76,7 +76,7 @@ def _numbered() -> Iterator[tuple[int, str, str]]:
 
 
 def _fields(room: str) -> list[str]:
-    return list(numbers(KINDS[0] if room == "leaf" else getattr(SINGLY, room)))
+    return list(fields_of(KINDS[0] if room == "leaf" else getattr(SINGLY, room)))
 
 
 def _set(scene: Scene, which: tf.Tensor, value: tf.Tensor) -> Scene:
@@ -135,7 +135,7 @@ def largest_piece(mask: np.ndarray) -> float:
 
 def test_outline_lies_within_the_frame() -> None:
     for index in range(40):
-        edges = leaf_edges(geometry(sample(6, index, SINGLY), (200, 300)), (200, 300)).numpy()
+        edges = leaf_edges(compute_layout(sample_scene(6, index, SINGLY), (200, 300)), (200, 300)).numpy()
         corners = edges.reshape(-1, 2)
         assert (corners >= [6 - 0.1, 4 - 0.1]).all() and (corners <= [294.1, 196.1]).all()
 
@@ -172,7 +172,7 @@ PRESENCE = {
 @pytest.mark.parametrize("component", PRESENCE)
 def test_no_chance_is_the_same_as_left_out(component: str) -> None:
     room, field = PRESENCE[component]
-    never = changed(FULL, room, **{field: Chance(0.0)})
+    never = changed(FULL, room, **{field: Probability(0.0)})
     without = dataclasses.replace(FULL, without=frozenset({component}))
     made = [synthesise(7, size=SMALL, ranges=ranges, index=1)["image"] for ranges in (never, without)]
     assert difference(*made).max() <= 1
@@ -209,12 +209,12 @@ def test_seeds_and_indices_make_other_scenes() -> None:
 
 
 def test_numbers_are_drawn_from_their_ranges() -> None:
-    drawn = tf.function(lambda index: _flat(sample(0, index, SINGLY)))
+    drawn = tf.function(lambda index: _flat(sample_scene(0, index, SINGLY)))
     table = np.stack([drawn(tf.constant(index, tf.int64)).numpy() for index in range(400)])
     columns = [(room, field) for room in ROOMS for field in _fields(room)]
     for (room, field), values in zip(columns, table.T, strict=True):
         spec = getattr(getattr(SINGLY, room), field)
-        if isinstance(spec, Chance):
+        if isinstance(spec, Probability):
             assert values.mean() == pytest.approx(spec.p, abs=0.1), field
             continue
         low, high = bounds(spec)
@@ -236,6 +236,6 @@ def test_kinds_of_leaves_come_as_often_as_their_weights() -> None:
         for name, length in lengths.items()
     }
     ranges: Ranges = dataclasses.replace(SINGLY, leaf=leaf)
-    length = tf.function(lambda index: sample(0, index, ranges).leaf.length_mm)
+    length = tf.function(lambda index: sample_scene(0, index, ranges).leaf.length_mm)
     drawn = np.array([float(length(tf.constant(index, tf.int64))) for index in range(400)])
     assert np.mean(drawn < 15) == pytest.approx(0.75, abs=0.06) and drawn.max() < 25

@@ -9,12 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import middle
 
-from laesi_tf.synthesis import raster, veins
-from laesi_tf.synthesis.keys import Key, Purpose
-from laesi_tf.synthesis.leaf import Leaf, midrib
+from laesi_tf.synthesis import polygons
+from laesi_tf.synthesis.leaf import veins
+from laesi_tf.synthesis.leaf.outline import midrib
+from laesi_tf.synthesis.leaf.params import LeafParams
+from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 
 COMMANDS = st.lists(st.tuples(st.floats(-3, 3), st.floats(0, 5)), min_size=1, max_size=12)
-RANDOM = Key(0, 0).normal([2, 9, veins.STEPS + 2], Purpose.VEINS)
+RANDOM = RandomStreams(0, 0).normal([2, 9, veins.SECONDARY_STEPS + 2], Stream.VEINS)
 
 
 def walk(start: tuple[float, float], heading: float, commands: list[tuple[float, float]]) -> np.ndarray:
@@ -30,18 +32,18 @@ def walk(start: tuple[float, float], heading: float, commands: list[tuple[float,
 @given(commands=COMMANDS, heading=st.floats(-4, 4), start=st.tuples(st.floats(-9, 9), st.floats(-9, 9)))
 def test_turtle(commands: list[tuple[float, float]], heading: float, start: tuple[float, float]) -> None:
     turns, steps = (tf.constant(column, tf.float32) for column in zip(*commands, strict=True))
-    path = veins.turtle(tf.constant(start), tf.constant(heading), turns, steps)
+    path = veins.walk_turtles(tf.constant(start), tf.constant(heading), turns, steps)
     np.testing.assert_allclose(path, walk(start, heading, commands), atol=1e-3)
 
 
 def test_ribbon_of_a_straight_path_has_its_width() -> None:
     path = tf.constant(np.stack([np.linspace(0, 10, 6), np.linspace(0, 5, 6)], -1), tf.float32)
-    outline = veins.ribbons(path, tf.fill([6], 1.5))
-    assert abs(float(raster.area(outline))) == pytest.approx(math.hypot(10, 5) * 1.5, rel=1e-4)
+    outline = polygons.stroke_outlines(path, tf.fill([6], 1.5))
+    assert abs(float(polygons.signed_area(outline))) == pytest.approx(math.hypot(10, 5) * 1.5, rel=1e-4)
 
 
 def test_secondary_veins_leave_the_midrib_on_both_sides() -> None:
-    leaf = middle(Leaf(), veins=8.0)
+    leaf = middle(LeafParams(), veins=8.0)
     paths, exists = veins.secondary_paths(leaf, RANDOM, tf.constant(0.0))
     points, tangents = midrib(leaf, tf.linspace(0.0, 1.2, 2400) * leaf.length_mm)
     starts = tf.reshape(paths[:, :, 0], [-1, 2]).numpy()
@@ -57,7 +59,7 @@ def test_secondary_veins_leave_the_midrib_on_both_sides() -> None:
 
 
 def test_brownian_jitter_makes_paths_wander() -> None:
-    leaf = middle(Leaf())
+    leaf = middle(LeafParams())
     straight, _ = veins.secondary_paths(leaf, RANDOM, tf.constant(0.0))
     jittery, _ = veins.secondary_paths(leaf, RANDOM, tf.constant(0.06))
     np.testing.assert_allclose(straight[:, :, 0], jittery[:, :, 0], atol=1e-4)
@@ -67,8 +69,10 @@ def test_brownian_jitter_makes_paths_wander() -> None:
 
 
 def test_veins_taper_towards_their_ends() -> None:
-    leaf = middle(Leaf())
-    edges = veins.edges(leaf, veins.commands(Key(0, 0)), tf.constant(0.0), tf.constant(2.0)).numpy()
+    leaf = middle(LeafParams())
+    edges = veins.vein_edges(
+        leaf, veins.sample_turtle_noise(RandomStreams(0, 0)), tf.constant(0.0), tf.constant(2.0)
+    ).numpy()
     main = edges[: 2 * veins.MIDRIB_STEPS, 0]
     left, right = main[: veins.MIDRIB_STEPS], main[veins.MIDRIB_STEPS :][::-1]
     widths = np.linalg.norm(left - right, axis=1)
@@ -77,5 +81,5 @@ def test_veins_taper_towards_their_ends() -> None:
 
 
 def test_height_is_bounded_where_veins_cross() -> None:
-    height = veins.height(tf.constant([[-2.0, -0.4, 0.0, 3.0]]))
+    height = veins.vein_height(tf.constant([[-2.0, -0.4, 0.0, 3.0]]))
     np.testing.assert_allclose(height, [[1, 0.4, 0, 1]])

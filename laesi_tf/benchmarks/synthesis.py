@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.cli import parser, positive, progress, size
+from laesi_tf.synthesis import COMPONENTS, Ranges, load_ranges
+from laesi_tf.synthesis.presets import enable_all_components
 
 # isort: split
 import numpy as np
@@ -20,8 +22,7 @@ from laesi_tf.config import TrainConfig
 from laesi_tf.data import synthetic
 from laesi_tf.files import require_writable, write_json
 from laesi_tf.machine import described, peak_rss_mb
-from laesi_tf.synthesis import COMPONENTS, Ranges, load_ranges, synthesise
-from laesi_tf.synthesis.editing import every_component
+from laesi_tf.synthesis import synthesise
 from laesi_tf.training import fit
 
 Size = tuple[int, int]
@@ -49,7 +50,7 @@ def main(arguments: Sequence[str]) -> None:
     plain = load_ranges(options.ranges)
     if options.lighting_passes is not None:
         plain = plain.with_passes(options.lighting_passes)
-    every = every_component(plain)
+    every = enable_all_components(plain)
     made = plain, every, plain.with_passes(1), every.with_passes(1)
     sorts = dict(zip(_SORTS, made, strict=True))
     scene = {"seed": options.seed, "size": options.size}

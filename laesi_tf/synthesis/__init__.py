@@ -10,16 +10,9 @@ from pathlib import Path
 
 import tensorflow as tf
 
-from laesi_tf.synthesis.presets import load_ranges
-from laesi_tf.synthesis.scene import (
-    COMPONENTS,
-    Ranges,
-    Scene,
-    render,
-    render_passes,
-    sample,
-    sample_passes,
-)
+from laesi_tf.synthesis.ranges_toml import load_ranges
+from laesi_tf.synthesis.renderer import render_lighting_passes, render_scene
+from laesi_tf.synthesis.scene import COMPONENTS, Ranges, Scene, sample_lighting_passes, sample_scene
 
 __all__ = [
     "COMPONENTS",
@@ -54,7 +47,7 @@ def synthesise(
     """
     chosen = load_ranges(ranges)
     index = tf.cast(index, tf.int64)
-    return render(sample(seed, index, chosen), size, chosen, textures=textures) | {"index": index}
+    return render_scene(sample_scene(seed, index, chosen), size, chosen, textures=textures) | {"index": index}
 
 
 @tf.autograph.experimental.do_not_convert
@@ -73,6 +66,8 @@ def synthesise_passes(
     """
     chosen = load_ranges(ranges)
     first = tf.cast(first, tf.int64)
-    pictures = render_passes(sample_passes(seed, first, chosen), size, chosen, textures=textures)
+    pictures = render_lighting_passes(
+        sample_lighting_passes(seed, first, chosen), size, chosen, textures=textures
+    )
     made = {name: tf.stack([picture[name] for picture in pictures]) for name in pictures[0]}
     return made | {"index": first + tf.range(len(pictures), dtype=tf.int64)}

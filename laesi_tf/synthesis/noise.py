@@ -6,13 +6,12 @@ Fields are float32 [H, W], kept as those matrices (`Factors`) until they are nee
 many lattice cells span the picture's longer side.
 """
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis.frame import Size
+from laesi_tf.synthesis.geometry import ImageSize
 
 
 def _fade(x: tf.Tensor) -> tf.Tensor:
@@ -20,7 +19,7 @@ def _fade(x: tf.Tensor) -> tf.Tensor:
     return x * x * x * (x * (x * 6 - 15) + 10)
 
 
-def _offsets(size: Size, nodes: int, cells: tf.Tensor | float) -> tuple[tf.Tensor, tf.Tensor]:
+def _offsets(size: ImageSize, nodes: int, cells: tf.Tensor | float) -> tuple[tf.Tensor, tf.Tensor]:
     """Offsets [H, nodes] and [W, nodes] of each pixel from each lattice node, in cells."""
     pixels = (tf.range(max(size), dtype=tf.float32) + 0.5) * (cells / max(size))
     offsets = pixels[:, None] - tf.range(nodes, dtype=tf.float32)
@@ -36,20 +35,20 @@ def _spline(offsets: tf.Tensor) -> tf.Tensor:
 
 
 @dataclass(frozen=True)
-class Factors:
+class SeparableField:
     """A field as the matrix product of `down` [H, k] and `across` [W, k]: fields are added before they are
     multiplied out, so that a sum of several is made in one pass over the picture."""
 
     down: tf.Tensor
     across: tf.Tensor
 
-    def __add__(self, other: "Factors") -> "Factors":
-        return Factors(
+    def __add__(self, other: "SeparableField") -> "SeparableField":
+        return SeparableField(
             tf.concat([self.down, other.down], axis=1), tf.concat([self.across, other.across], axis=1)
         )
 
-    def __mul__(self, scale: tf.Tensor | float) -> "Factors":
-        return Factors(self.down * scale, self.across)
+    def __mul__(self, scale: tf.Tensor | float) -> "SeparableField":
+        return SeparableField(self.down * scale, self.across)
 
     @property
     def field(self) -> tf.Tensor:
@@ -57,7 +56,9 @@ class Factors:
         return tf.linalg.matmul(self.down, self.across, transpose_b=True)
 
 
-def upsample(lattice: tf.Tensor, size: Size, *, cells: tf.Tensor | float | None = None) -> Factors:
+def interpolate_grid(
+    lattice: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float | None = None
+) -> SeparableField:
     """Interpolate a lattice [n, n] smoothly over a picture.
 
     `cells` defaults to as many as the lattice holds, n - 3, and is never more: a spline reaches one node
@@ -66,18 +67,22 @@ def upsample(lattice: tf.Tensor, size: Size, *, cells: tf.Tensor | float | None 
     nodes = lattice.shape[-1]
     cells = nodes - 3 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 3)
     down, across = (_spline(offsets + 1) for offsets in _offsets(size, nodes, cells))
-    return Factors(down @ lattice, across)
+    return SeparableField(down @ lattice, across)
 
 
-def simple(values: tf.Tensor, size: Size, *, cells: tf.Tensor | float | None = None) -> Factors:
+def simple_noise(
+    values: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float | None = None
+) -> SeparableField:
     """Simple (value) noise S: `values` [n, n] uniform in [0, 1), scaled to mean 0 and about [-1, 1].
 
     The spline averages neighbours, which halves the values' spread; hence the factor.
     """
-    return upsample(values * 4 - 2, size, cells=cells)
+    return interpolate_grid(values * 4 - 2, size, cells=cells)
 
 
-def gradient(gradients: tf.Tensor, size: Size, *, cells: tf.Tensor | float | None = None) -> Factors:
+def gradient_noise(
+    gradients: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float | None = None
+) -> SeparableField:
     """Gradient (Perlin) noise G from `gradients` [2, n, n] in (-1, 1): about [-1, 1], zero at the nodes.
 
     Perlin's sum over the four corners of fade(x) fade(y) (g . d) is separable, hence the matrix products.
@@ -86,8 +91,8 @@ def gradient(gradients: tf.Tensor, size: Size, *, cells: tf.Tensor | float | Non
     cells = nodes - 1 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 1)
     down, across = _offsets(size, nodes, cells)
     down_weights, across_weights = (_fade(tf.maximum(1 - tf.abs(offsets), 0)) for offsets in (down, across))
-    along_x = Factors(down_weights @ gradients[0], across_weights * across * 1.4)
-    along_y = Factors((down_weights * down) @ gradients[1], across_weights * 1.4)
+    along_x = SeparableField(down_weights @ gradients[0], across_weights * across * 1.4)
+    along_y = SeparableField((down_weights * down) @ gradients[1], across_weights * 1.4)
     return along_x + along_y
 
 
@@ -95,7 +100,7 @@ VORONOI_CELLS = 8
 _SAMPLES = 4
 
 
-def voronoi_lattice(jitter: tf.Tensor) -> tf.Tensor:
+def voronoi_distance_grid(jitter: tf.Tensor) -> tf.Tensor:
     """Distance to the nearest of 8 x 8 jittered points, sampled 4 times a cell: [32, 32] in [0, 1.2].
 
     `jitter` is uniform [2, 10, 10]: the points of one more cell on each side, so that borders are right.
@@ -115,33 +120,17 @@ def voronoi_lattice(jitter: tf.Tensor) -> tf.Tensor:
     return tf.reshape(tf.sqrt(tf.reduce_min(down * down + across * across, axis=0)), [side, side])
 
 
-def voronoi(jitter: tf.Tensor, size: Size, *, cells: tf.Tensor | float = VORONOI_CELLS) -> Factors:
+def voronoi_noise(
+    jitter: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float = VORONOI_CELLS
+) -> SeparableField:
     """Voronoi noise V: distance to the nearest feature point, mean about 0, range about [-1, 1]."""
     span = tf.minimum(tf.cast(cells, tf.float32), VORONOI_CELLS) * _SAMPLES - 3
-    return upsample(voronoi_lattice(jitter) * 2 - 0.9, size, cells=span)
+    return interpolate_grid(voronoi_distance_grid(jitter) * 2 - 0.9, size, cells=span)
 
 
-def blend(
-    weights: tuple[tf.Tensor, tf.Tensor, tf.Tensor], fields: tuple[Factors, Factors, Factors]
-) -> Factors:
+def blend_noises(
+    weights: tuple[tf.Tensor, tf.Tensor, tf.Tensor],
+    fields: tuple[SeparableField, SeparableField, SeparableField],
+) -> SeparableField:
     """L = wG G + wV V + wS S (paper, section 3.1)."""
     return fields[0] * weights[0] + fields[1] * weights[1] + fields[2] * weights[2]
-
-
-@functools.cache
-def _grain_bank(side: int) -> np.ndarray:
-    """Unit normal noise [3, side, side]; its channels share most of their variance, as after demosaicing."""
-    normal = np.random.default_rng(20240400593).standard_normal((4, side, side)).astype(np.float32)
-    return 0.85 * normal[:1] + 0.53 * normal[1:]
-
-
-def grain(offset: tf.Tensor, size: Size) -> tf.Tensor:
-    """Noise [3, H, W] of unit variance, cut at uniform `offset` [2] in [0, 1) from one fixed bank.
-
-    Drawing 150,000 fresh normals costs more than the rest of the camera; a random window of a bank 256 pixels
-    wider than the picture looks the same to anything that sees one picture at a time. Not to be compiled:
-    that makes the cut cost a thousand times as much.
-    """
-    slack = 256
-    bank = tf.constant(_grain_bank(max(size) + slack))
-    return tf.slice(bank, tf.concat([[0], tf.cast(offset * slack, tf.int32)], 0), [3, *size])

@@ -1,164 +1,41 @@
-"""Named ranges and the TOML files in which users edit them.
-
-A file names the preset it starts from and what it changes; everything else stays as it was:
-
-    base = "rendering_2"
-    lighting_passes = 1
-    without = ["glass"]
-
-    [paper]
-    hue = [0.0, 0.1]            # uniform between the two
-    tinted = {chance = 0.5}     # true half of the time
-
-    [leaf.oak]
-    weight = 0.6                # relative frequency of this kind of leaf
-    length_mm = [60, 120]
-"""
+"""Named ranges, and ranges in which every component is present."""
 
 import dataclasses
-import difflib
-import math
-import tomllib
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
-from laesi_tf.errors import InputError
-from laesi_tf.synthesis.paper import Paper
-from laesi_tf.synthesis.ranges import Chance, numbers
-from laesi_tf.synthesis.scene import COMPONENTS, Ranges
-from laesi_tf.synthesis.veins import SECONDARIES
+from laesi_tf.synthesis.paper.params import PaperParams
+from laesi_tf.synthesis.ranges import Probability, fields_of
+from laesi_tf.synthesis.scene import Ranges
+
+Room = TypeVar("Room")
+
+PART_NAMES = ("paper", "surface", "light", "props", "camera", "desk")
+
+
+def enable_all_components(ranges: Ranges) -> Ranges:
+    """`ranges` with every Chance above 0 at 1, so that each picture has all that pictures can have."""
+    return dataclasses.replace(
+        ranges,
+        leaf={name: (weight, _make_certain(kind)) for name, (weight, kind) in ranges.leaf.items()},
+        **{name: _make_certain(getattr(ranges, name)) for name in PART_NAMES},
+    )
+
+
+def _make_certain(room: Room) -> Room:
+    chances = [name for name, spec in fields_of(room).items() if isinstance(spec, Probability) and spec.p > 0]
+    return dataclasses.replace(room, **dict.fromkeys(chances, Probability(1.0)))  # type: ignore[type-var]
+
 
 RENDERING_2 = Ranges()
 RENDERING_1 = Ranges(
-    paper=Paper(
+    paper=PaperParams(
         gradient_weight=(0.0, 0.2),
         voronoi_weight=(0.0, 0.16),
         simple_weight=(0.0, 0.16),
         print_wear=(0.0, 0.95),
-        creased=Chance(0.4),
+        creased=Probability(0.4),
         crease_depth=(0.05, 0.3),
     )
 )
 PRESETS: dict[str, Ranges] = {"rendering_1": RENDERING_1, "rendering_2": RENDERING_2}
 """The paper's two: "Rendering 2" narrows the noise of the paper model, nothing else (section 4.3)."""
-
-_DRAWABLE = {"closest_mm": (40.0, math.inf), "veins": (0.0, float(SECONDARIES))}
-"""What the renderer is laid out for: polygons have so many edges, and a leaf so many veins."""
-_ROOMS = ("paper", "surface", "light", "props", "camera", "desk")
-
-
-def load_ranges(source: str | Path | Ranges | Mapping[str, Any]) -> Ranges:
-    """Ranges by preset name, from a TOML file or from what such a file holds; Ranges pass through.
-
-    Raises InputError, naming the key.
-    """
-    if isinstance(source, Ranges):
-        return source
-    if isinstance(source, Mapping):
-        return _merge(dict(source), Path("ranges"))
-    if str(source) in PRESETS:
-        return PRESETS[str(source)]
-    path = Path(source)
-    if path.suffix != ".toml":
-        raise InputError(f"unknown ranges {str(source)!r}; use {' or '.join(PRESETS)}, or a .toml file")
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(
-            f"cannot read ranges from {path}: {error}; see --help of laesi_tf.preview"
-        ) from error
-    return _merge(table, path)
-
-
-def _merge(table: dict[str, Any], path: Path) -> Ranges:
-    base = table.pop("base", "rendering_2")
-    if base not in PRESETS:
-        raise InputError(f"{path}: base = {base!r} is unknown; use {' or '.join(PRESETS)}")
-    start = PRESETS[base]
-    changes: dict[str, Any] = {}
-    for key, value in table.items():
-        _known(key, (*_ROOMS, "leaf", "lighting_passes", "without"), f"{path}:")
-        if key == "leaf":
-            changes[key] = _kinds(start.leaf, _table(value, f"{path}: [leaf]"), path)
-        elif key in _ROOMS:
-            changes[key] = _room(getattr(start, key), _table(value, f"{path}: [{key}]"), f"{path}: [{key}]")
-        else:
-            changes[key] = _setting(key, value, path)
-    return dataclasses.replace(start, **changes)
-
-
-def _setting(key: str, value: Any, path: Path) -> Any:
-    if key == "lighting_passes":
-        if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-            raise InputError(f"{path}: lighting_passes = {value!r} must be a whole number from 1 up")
-        return value
-    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise InputError(f"{path}: without = {value!r} must be a list of components")
-    for name in value:
-        _known(name, COMPONENTS, f"{path}: without:")
-    return frozenset(value)
-
-
-def _kinds(start: Mapping[str, Any], table: dict[str, Any], path: Path) -> dict[str, Any]:
-    kinds = dict(start)
-    for name, changes in table.items():
-        _known(name, tuple(kinds), f"{path}: [leaf]")
-        weight, kind = kinds[name]
-        changes = dict(_table(changes, f"{path}: [leaf.{name}]"))
-        weight = changes.pop("weight", weight)
-        if not isinstance(weight, int | float) or weight < 0:
-            raise InputError(f"{path}: [leaf.{name}] weight = {weight!r} must be a number from 0 up")
-        kinds[name] = (float(weight), _room(kind, changes, f"{path}: [leaf.{name}]"))
-    if not sum(weight for weight, _ in kinds.values()):
-        raise InputError(f"{path}: [leaf] every weight is 0; give at least one kind of leaf a weight")
-    return {name: kind for name, kind in kinds.items() if kind[0] > 0}
-
-
-def _room(start: Any, table: dict[str, Any], where: str) -> Any:
-    known = numbers(start)
-    changes = {}
-    for key, value in table.items():
-        _known(key, tuple(known), where)
-        changes[key] = _range(value, known[key], f"{where} {key}")
-        if key in _DRAWABLE:
-            _require_within(_DRAWABLE[key], changes[key], f"{where} {key}")
-    return dataclasses.replace(start, **changes)
-
-
-def _range(value: Any, start: Any, where: str) -> Any:
-    """Read one range; a Chance stays a Chance and a length a length."""
-    if isinstance(start, Chance):
-        chance = value.get("chance") if isinstance(value, dict) else None
-        if not isinstance(chance, int | float) or not 0 <= chance <= 1:
-            raise InputError(f"{where} = {value!r} must be {{chance = p}} with p from 0 to 1")
-        return Chance(float(chance))
-    if _is_number(value):
-        return float(value)
-    pair = value if isinstance(value, list) else []
-    if len(pair) != 2 or not all(map(_is_number, pair)) or pair[0] > pair[1]:
-        raise InputError(f"{where} = {value!r} must be a number or [low, high]")
-    return float(pair[0]), float(pair[1])
-
-
-def _require_within(limits: tuple[float, float], drawn: Any, where: str) -> None:
-    low, high = drawn if isinstance(drawn, tuple) else (drawn, drawn)
-    if not limits[0] <= low <= high <= limits[1]:
-        raise InputError(f"{where} = {drawn} cannot be drawn; stay within {limits[0]:g} to {limits[1]:g}")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _table(value: Any, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{where} must be a table of ranges, not {value!r}")
-    return value
-
-
-def _known(key: str, known: tuple[str, ...], where: str) -> None:
-    if key not in known:
-        near = difflib.get_close_matches(key, known, 1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
-        raise InputError(f"{where} unknown key {key!r}; {hint}")

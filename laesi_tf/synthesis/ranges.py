@@ -17,16 +17,16 @@ import tensorflow as tf
 
 # A range in Ranges, a scalar tensor in a Scene: no static type says both.
 Number = Any
-Room = TypeVar("Room")
+Params = TypeVar("Params")
 
 
-class Chance(NamedTuple):
+class Probability(NamedTuple):
     """True with probability `p`."""
 
     p: float
 
 
-def numbers(room: Any) -> dict[str, Any]:
+def fields_of(room: Any) -> dict[str, Any]:
     """The fields of `room` as a dict, in order of declaration."""
     return {field.name: getattr(room, field.name) for field in dataclasses.fields(room)}
 
@@ -40,7 +40,7 @@ def late(default: Any) -> Any:
     return dataclasses.field(default=default, metadata={"late": True})
 
 
-def count(room: Any) -> int:
+def field_count(room: Any) -> int:
     """How many uniform numbers `draw` and `draw_one_of` take for `room`: one for each field but late ones."""
     return len(dataclasses.fields(room)) - _lates(room)
 
@@ -49,21 +49,23 @@ def _lates(room: Any) -> int:
     return sum(field.metadata.get("late", False) for field in dataclasses.fields(room))
 
 
-def draw(room: Room, uniform: tf.Tensor) -> Room:
+def sample_params(room: Params, uniform: tf.Tensor) -> Params:
     """Draw each number of `room` from its range with `uniform` [count(room)] in [0, 1)."""
-    return draw_one_of([room], tf.constant(0), uniform)
+    return sample_params_of_kind([room], tf.constant(0), uniform)
 
 
-def draw_one_of(rooms: list[Room], which: tf.Tensor, uniform: tf.Tensor) -> Room:
+def sample_params_of_kind(rooms: list[Params], which: tf.Tensor, uniform: tf.Tensor) -> Params:
     """Draw the numbers of `rooms[which]`: float32 scalars, or bool scalars where the range is a Chance."""
-    bounds = np.array([[_bounds(value) for value in numbers(room).values()] for room in rooms], np.float32)
+    bounds = np.array(
+        [[_interval(value) for value in fields_of(room).values()] for room in rooms], np.float32
+    )
     low, high = tf.unstack(tf.gather(tf.constant(bounds), which), axis=-1)
     if lates := _lates(rooms[0]):
         uniform = tf.concat([uniform, _low_bits(uniform[:lates])], axis=0)
     values = tf.unstack(low + uniform * (high - low))
     drawn = {
-        name: value >= 0 if isinstance(spec, Chance) else value
-        for (name, spec), value in zip(numbers(rooms[0]).items(), values, strict=True)
+        name: value >= 0 if isinstance(spec, Probability) else value
+        for (name, spec), value in zip(fields_of(rooms[0]).items(), values, strict=True)
     }
     return dataclasses.replace(rooms[0], **drawn)  # type: ignore[type-var]
 
@@ -76,9 +78,9 @@ def _low_bits(uniform: tf.Tensor) -> tf.Tensor:
     return tf.math.floormod(uniform * 2**11, 1.0)
 
 
-def _bounds(spec: Any) -> tuple[float, float]:
+def _interval(spec: Any) -> tuple[float, float]:
     """(low, high) of a range; a Chance p becomes an interval not below zero with probability p."""
-    if isinstance(spec, Chance):
+    if isinstance(spec, Probability):
         return spec.p - 1, spec.p
     if isinstance(spec, tuple):
         return spec

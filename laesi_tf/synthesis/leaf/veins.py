@@ -8,16 +8,18 @@ towards the tip, jitter by Brownian motion Bm(t), and taper. Their ribbons are f
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis import raster
-from laesi_tf.synthesis.keys import Key, Purpose
-from laesi_tf.synthesis.leaf import Leaf, midrib
+from laesi_tf.synthesis import polygons, rasterizer
+from laesi_tf.synthesis.leaf.outline import midrib
+from laesi_tf.synthesis.leaf.params import LeafParams
+from laesi_tf.synthesis.polygons import stroke_outlines
+from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 
-SECONDARIES = 14
-STEPS = 16
+MAX_SECONDARY_VEINS = 14
+SECONDARY_STEPS = 16
 MIDRIB_STEPS = 32
 
 
-def turtle(start: tf.Tensor, heading: tf.Tensor, turns: tf.Tensor, steps: tf.Tensor) -> tf.Tensor:
+def walk_turtles(start: tf.Tensor, heading: tf.Tensor, turns: tf.Tensor, steps: tf.Tensor) -> tf.Tensor:
     """Walk turtles [..., n] of commands: points [..., n + 1, 2] in the unit of `steps`.
 
     Each command turns the turtle by `turns` [..., n] radians, then moves it `steps` [..., n] forward; it
@@ -29,17 +31,7 @@ def turtle(start: tf.Tensor, heading: tf.Tensor, turns: tf.Tensor, steps: tf.Ten
     return tf.concat([start[..., None, :], path], axis=-2)
 
 
-def ribbons(paths: tf.Tensor, widths: tf.Tensor) -> tf.Tensor:
-    """Outlines [..., 2n, 2] of strokes along `paths` [..., n, 2] that are `widths` [..., n] wide."""
-    step = paths[..., 1:, :] - paths[..., :-1, :]
-    step = tf.concat([step, step[..., -1:, :]], axis=-2)
-    normal = tf.stack([-step[..., 1], step[..., 0]], axis=-1)
-    normal = normal / (tf.norm(normal, axis=-1, keepdims=True) + 1e-6)
-    half = normal * widths[..., None] / 2
-    return tf.concat([paths + half, tf.reverse(paths - half, [-2])], axis=-2)
-
-
-def secondary_paths(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+def secondary_paths(leaf: LeafParams, random: tf.Tensor, jitter: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Paths [2, n, STEPS + 1, 2] mm of the leaf's first n secondary veins, and 1 for each, 0 past the tip.
 
     `random` [2, n, STEPS + 2] is standard normal.
@@ -53,17 +45,17 @@ def secondary_paths(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor) -> tuple[t
     side = tf.constant([-1.0, 1.0])[:, None]
     angle = leaf.vein_angle * (1.15 - 0.4 * along) + 0.06 * random[..., 1]
     length = leaf.length_mm * leaf.aspect * (0.75 - 0.45 * along * along)
-    steps = tf.repeat((length / STEPS)[..., None], STEPS, axis=-1)
+    steps = tf.repeat((length / SECONDARY_STEPS)[..., None], SECONDARY_STEPS, axis=-1)
     turns = side[..., None] * (jitter * random[..., 2:] - 0.035)
-    return turtle(start, forward + side * angle, turns, steps), exists
+    return walk_turtles(start, forward + side * angle, turns, steps), exists
 
 
-def commands(key: Key) -> tf.Tensor:
+def sample_turtle_noise(key: RandomStreams) -> tf.Tensor:
     """The normal numbers [2, SECONDARIES, STEPS + 2] behind the secondary turtles' commands."""
-    return key.normal([2, SECONDARIES, STEPS + 2], Purpose.VEINS)
+    return key.normal([2, MAX_SECONDARY_VEINS, SECONDARY_STEPS + 2], Stream.VEINS)
 
 
-def edges(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
+def vein_edges(leaf: LeafParams, random: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor) -> tf.Tensor:
     """Ribbon polygons of all veins as one list of edges [n, 2 ends, 2], leaf coordinates in mm, midrib first.
 
     `random` are the turtles' `commands`. Always as many edges, since what is compiled has fixed shapes: a
@@ -72,13 +64,13 @@ def edges(leaf: Leaf, random: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor)
     along = tf.constant(np.linspace(-0.02, 0.96, MIDRIB_STEPS), tf.float32)
     middle, _ = midrib(leaf, along * leaf.length_mm)
     taper = tf.constant(np.linspace(1, 0.25, MIDRIB_STEPS), tf.float32)
-    main = raster.segments(ribbons(middle, width_mm * taper))
+    main = polygons.polygon_edges(stroke_outlines(middle, width_mm * taper))
     paths, exists = secondary_paths(leaf, random, jitter)
-    thinning = tf.constant(np.linspace(0.55, 0.12, STEPS + 1), tf.float32)
-    side = raster.segments(ribbons(paths, width_mm * exists[..., None] * thinning))
+    thinning = tf.constant(np.linspace(0.55, 0.12, SECONDARY_STEPS + 1), tf.float32)
+    side = polygons.polygon_edges(stroke_outlines(paths, width_mm * exists[..., None] * thinning))
     return tf.concat([main, tf.reshape(side, [-1, 2, 2])], axis=0)
 
 
-def height(coverage: tf.Tensor) -> tf.Tensor:
+def vein_height(coverage: tf.Tensor) -> tf.Tensor:
     """Height map H in [0, 1] of vein `coverage` [H, W]: veins stand proud of the blade by their thickness."""
-    return raster.union(coverage)
+    return rasterizer.union_coverage(coverage)

@@ -1,11 +1,11 @@
-"""A picture's size, and windows of it: what is small is drawn in no more of the picture than it covers."""
+"""Sub-windows of an image: small things are drawn only in the pixels that they cover."""
 
 from typing import NamedTuple
 
 import tensorflow as tf
 
-Size = tuple[int, int]
-"""Height and width in pixels."""
+from laesi_tf.synthesis.geometry import ImageSize
+
 _STEP = 32
 
 
@@ -31,14 +31,14 @@ class Window(NamedTuple):
         """The window's part of an image [3, H, W]."""
         return tf.slice(image, [0, self.top, self.left], [3, self.height, self.width])
 
-    def paste(self, part: tf.Tensor, size: Size) -> tf.Tensor:
+    def paste(self, part: tf.Tensor, size: ImageSize) -> tf.Tensor:
         """A `part` [3, h, w] that fills the window in an image [3, H, W] of zeros."""
         below, beside = size[0] - self.top - self.height, size[1] - self.left - self.width
         padding = [[0, 0], [self.top, below], [self.left, beside]]
         return tf.ensure_shape(tf.pad(part, padding), [3, *size])
 
 
-def window(low: tf.Tensor, high: tf.Tensor, frame: tf.Tensor) -> Window:
+def window_around(low: tf.Tensor, high: tf.Tensor, frame: tf.Tensor) -> Window:
     """The window around the box from `low` to `high` [2] (x, y), of a picture with `frame` [2] (x, y) pixels.
 
     Its sides are multiples of 32 where the picture is large enough: libraries that compile a kernel for each

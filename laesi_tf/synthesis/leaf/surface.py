@@ -11,9 +11,9 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
-from laesi_tf.synthesis.frame import Size
-from laesi_tf.synthesis.keys import Key, Purpose
-from laesi_tf.synthesis.ranges import Chance, Number
+from laesi_tf.synthesis.geometry import ImageSize
+from laesi_tf.synthesis.random_streams import RandomStreams, Stream
+from laesi_tf.synthesis.ranges import Number, Probability
 
 PALETTE = np.array(
     [
@@ -34,7 +34,7 @@ PALETTE = np.array(
 
 
 @dataclass(frozen=True)
-class Surface:
+class SurfaceParams:
     """One leaf's surface. `season` runs along PALETTE: 0 dark green, 0.5 yellow, 1 dark brown."""
 
     season: Number = (-0.55, 0.95)
@@ -57,9 +57,9 @@ class Surface:
     undulation_cells: Number = (3, 8)
     mottle: Number = (0.0, 0.16)
     mottle_cells: Number = (20, 56)
-    margin_browned: Number = Chance(0.25)
+    margin_browned: Number = Probability(0.25)
     margin_depth: Number = (0.1, 0.6)
-    spotted: Number = Chance(0.15)
+    spotted: Number = Probability(0.15)
     spot_cells: Number = (24, 56)
     spot_threshold: Number = (0.6, 0.9)
     spot_season: Number = (0.55, 1.0)
@@ -71,23 +71,23 @@ _BLEND_NODES = 16
 _FINE_NODES = 60
 
 
-def base_colours(surface: Surface) -> tuple[tf.Tensor, tf.Tensor]:
+def base_colours(surface: SurfaceParams) -> tuple[tf.Tensor, tf.Tensor]:
     """C1 and C2 [3, 1, 1]."""
     season = tf.abs(surface.season)
     jitter = tf.stack([surface.hue_red, surface.hue_green, surface.hue_blue])[:, None, None]
-    first = (palette(season) + jitter) * surface.brightness
-    second = (palette(season + surface.season_spread) + jitter) * surface.brightness
+    first = (season_colour(season) + jitter) * surface.brightness
+    second = (season_colour(season + surface.season_spread) + jitter) * surface.brightness
     return tf.clip_by_value(first, 0.02, 0.95), tf.clip_by_value(second, 0.02, 0.95)
 
 
-def palette(season: tf.Tensor) -> tf.Tensor:
+def season_colour(season: tf.Tensor) -> tf.Tensor:
     """Colour [3, 1, 1] at `season` in [0, 1] of PALETTE, linearly interpolated."""
     position = tf.clip_by_value(season, 0, 1) * (len(PALETTE) - 1)
     weights = tf.maximum(1 - tf.abs(position - tf.range(len(PALETTE), dtype=tf.float32)), 0)
     return tf.linalg.matvec(tf.constant(PALETTE), weights, transpose_a=True)[:, None, None]
 
 
-class Lattices(NamedTuple):
+class SurfaceNoiseGrids(NamedTuple):
     """Uniform numbers behind a leaf's fields, named after the functions that make them of these."""
 
     blend: tf.Tensor
@@ -96,39 +96,39 @@ class Lattices(NamedTuple):
     undulation: tf.Tensor
 
 
-def lattices(key: Key) -> Lattices:
+def sample_surface_noise_grids(key: RandomStreams) -> SurfaceNoiseGrids:
     """The numbers of one leaf's fields."""
-    return Lattices(
-        blend=key.uniform([2, _BLEND_NODES, _BLEND_NODES], Purpose.SURFACE),
-        mottle=key.uniform([_FINE_NODES, _FINE_NODES], Purpose.MOTTLE),
-        spots=key.uniform([_FINE_NODES, _FINE_NODES], Purpose.SPOTS),
-        undulation=key.uniform(
-            [2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Purpose.SURFACE_VORONOI
-        ),
+    return SurfaceNoiseGrids(
+        blend=key.uniform([2, _BLEND_NODES, _BLEND_NODES], Stream.SURFACE),
+        mottle=key.uniform([_FINE_NODES, _FINE_NODES], Stream.MOTTLE),
+        spots=key.uniform([_FINE_NODES, _FINE_NODES], Stream.SPOTS),
+        undulation=key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Stream.SURFACE_VORONOI),
     )
 
 
-def blend(surface: Surface, gradients: tf.Tensor, size: Size) -> tf.Tensor:
+def colour_blend_noise(surface: SurfaceParams, gradients: tf.Tensor, size: ImageSize) -> tf.Tensor:
     """Gradient noise [H, W], about [-1, 1], by which C1 and C2 are blended."""
-    return noise.gradient(gradients * 2 - 1, size, cells=surface.blend_cells).field
+    return noise.gradient_noise(gradients * 2 - 1, size, cells=surface.blend_cells).field
 
 
-def mottle(surface: Surface, values: tf.Tensor, size: Size) -> tf.Tensor:
+def mottle_noise(surface: SurfaceParams, values: tf.Tensor, size: ImageSize) -> tf.Tensor:
     """Fine mottling [H, W], about [-1, 1]."""
-    return noise.simple(values, size, cells=surface.mottle_cells).field
+    return noise.simple_noise(values, size, cells=surface.mottle_cells).field
 
 
-def spots(surface: Surface, values: tf.Tensor, size: Size) -> tf.Tensor:
+def spot_coverage(surface: SurfaceParams, values: tf.Tensor, size: ImageSize) -> tf.Tensor:
     """Cover [H, W] in [0, 1] by brown spots and patches, on leaves that have them."""
 
     def stains() -> tf.Tensor:
-        field = noise.simple(values, size, cells=surface.spot_cells).field
+        field = noise.simple_noise(values, size, cells=surface.spot_cells).field
         return tf.clip_by_value((field - surface.spot_threshold) * 8, 0, 0.9)
 
     return tf.cond(surface.spotted, stains, lambda: tf.zeros([size[0], size[1]]))
 
 
-def blade(surface: Surface, blended: tf.Tensor, mottled: tf.Tensor, texture: tf.Tensor | None) -> tf.Tensor:
+def blend_leaf_colours(
+    surface: SurfaceParams, blended: tf.Tensor, mottled: tf.Tensor, texture: tf.Tensor | None
+) -> tf.Tensor:
     """The texture T [3, H, W] before veins: C1 and C2 blended by `blend`, times `mottle`.
 
     `texture` [3, H, W], where given, is a photograph's relief around mean 1 that multiplies C1.
@@ -140,41 +140,41 @@ def blade(surface: Surface, blended: tf.Tensor, mottled: tf.Tensor, texture: tf.
     return (first + share * (second - first)) * (1 + surface.mottle * mottled)
 
 
-def spotted(colour: tf.Tensor, surface: Surface, cover: tf.Tensor) -> tf.Tensor:
+def apply_spots(colour: tf.Tensor, surface: SurfaceParams, cover: tf.Tensor) -> tf.Tensor:
     """[3, H, W] with brown spots that `cover` [H, W] of it."""
-    return colour + cover * (palette(surface.spot_season) - colour)
+    return colour + cover * (season_colour(surface.spot_season) - colour)
 
 
-def undulation(surface: Surface, jitter: tf.Tensor, size: Size) -> noise.Factors:
+def undulation_height(surface: SurfaceParams, jitter: tf.Tensor, size: ImageSize) -> noise.SeparableField:
     """Voronoi displacement of the blade's height, about [-1, 1] (paper: vertex displacement)."""
-    return noise.voronoi(jitter, size, cells=surface.undulation_cells) * surface.undulation
+    return noise.voronoi_noise(jitter, size, cells=surface.undulation_cells) * surface.undulation
 
 
-def normals(height_mm: tf.Tensor, px_per_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+def height_slopes(height_mm: tf.Tensor, px_per_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Slopes dH/dx and dH/dy [H, W] of a height map in mm: the normal is (-dH/dx, -dH/dy, 1)."""
     right = tf.pad(height_mm[:, 1:] - height_mm[:, :-1], [[0, 0], [0, 1]])
     below = tf.pad(height_mm[1:] - height_mm[:-1], [[0, 1], [0, 0]])
     return right * px_per_mm, below * px_per_mm
 
 
-def vein_tint(colour: tf.Tensor, surface: Surface, coverage: tf.Tensor) -> tf.Tensor:
+def apply_vein_colour(colour: tf.Tensor, surface: SurfaceParams, coverage: tf.Tensor) -> tf.Tensor:
     """Lighten or darken [3, H, W] where veins V_e [H, W] run."""
     pale = tf.where(surface.vein_contrast > 0, tf.constant([0.72, 0.74, 0.45]), 0.0)[:, None, None]
     return colour + tf.abs(surface.vein_contrast) * coverage * (pale - colour)
 
 
-def browned_margin(colour: tf.Tensor, surface: Surface, inwardness: tf.Tensor) -> tf.Tensor:
+def apply_browned_edge(colour: tf.Tensor, surface: SurfaceParams, inwardness: tf.Tensor) -> tf.Tensor:
     """Brown [3, H, W] towards the margin; `inwardness` [H, W] is the softened coverage, about 0.5 there.
 
     From 1 up nothing is browned.
     """
     edge = tf.clip_by_value(2 - 2 * inwardness, 0, 1)
-    return colour + surface.margin_depth * edge * edge * (palette(tf.constant(0.8)) - colour)
+    return colour + surface.margin_depth * edge * edge * (season_colour(tf.constant(0.8)) - colour)
 
 
-def photographed(textures: tf.Tensor, key: Key, size: Size) -> tf.Tensor:
+def sample_leaf_texture(textures: tf.Tensor, key: RandomStreams, size: ImageSize) -> tf.Tensor:
     """Relief [3, H, W] around mean 1 from one of `textures` [N, T, T, 3], a random square of it."""
-    random = key.uniform([4], Purpose.TEXTURE)
+    random = key.uniform([4], Stream.TEXTURE)
     count, side = tf.shape(textures)[0], textures.shape[1]
     chosen = textures[tf.cast(random[0] * tf.cast(count, tf.float32), tf.int32)]
     crop = tf.cast((0.5 + 0.5 * random[1]) * side, tf.int32)

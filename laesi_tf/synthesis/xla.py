@@ -17,7 +17,7 @@ import tensorflow as tf
 Result = TypeVar("Result")
 
 
-class _Packed(NamedTuple):
+class _PackedParams(NamedTuple):
     """A room of the scene as one vector, since every argument of a compiled function costs time."""
 
     kind: type
@@ -25,7 +25,7 @@ class _Packed(NamedTuple):
     numbers: tf.Tensor
 
 
-def fused(function: Callable[..., Result]) -> Callable[..., Result]:
+def compile_with_xla(function: Callable[..., Result]) -> Callable[..., Result]:
     """Compile `function` of tensors, rooms of a scene and sizes once for each shape that it meets.
 
     The same compiled code runs eagerly and inside tf.data.
@@ -48,11 +48,11 @@ def _pack(argument: Any) -> Any:
         return argument
     values = [getattr(argument, field.name) for field in dataclasses.fields(argument)]
     numbers = tf.stack([tf.cast(value, tf.float32) for value in values])
-    return _Packed(type(argument), tuple(value.dtype == tf.bool for value in values), numbers)
+    return _PackedParams(type(argument), tuple(value.dtype == tf.bool for value in values), numbers)
 
 
 def _unpack(argument: Any) -> Any:
-    if not isinstance(argument, _Packed):
+    if not isinstance(argument, _PackedParams):
         return argument
     values = zip(tf.unstack(argument.numbers), argument.is_bool, strict=True)
     return argument.kind(*(value > 0.5 if is_bool else value for value, is_bool in values))

@@ -1,4 +1,4 @@
-"""Keys of the counter-based generator: (seed, index, purpose) names one stream of random numbers."""
+"""Counter-based random numbers: (seed, index, stream) names one sequence."""
 
 import enum
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import tensorflow as tf
 
 
-class Purpose(enum.IntEnum):
+class Stream(enum.IntEnum):
     """What a stream is drawn for; the numbers are part of every picture, so they are never reused."""
 
     SCENE = 0
@@ -30,11 +30,11 @@ class Purpose(enum.IntEnum):
 
 
 _PHILOX = tf.random.Algorithm.PHILOX.value
-_PURPOSES = 64
+_MAX_STREAMS = 64
 """Room for purposes to come: adding one leaves every other stream as it was."""
 
 
-class Key:
+class RandomStreams:
     """The picture (seed, index): hands out independent streams by purpose.
 
     Philox is a bijection of (key, counter), so neighbouring keys are as independent as any other pair.
@@ -44,16 +44,16 @@ class Key:
         self.seed = tf.cast(seed, tf.int64)
         self.index = tf.cast(index, tf.int64)
 
-    def _stream(self, shape: list[int], purpose: Purpose) -> dict[str, Any]:
+    def _stream(self, shape: list[int], purpose: Stream) -> dict[str, Any]:
         """Arguments of the generator's bare ops: tf.random's functions wrap them in twenty more."""
-        state = tf.stack([self.seed * _PURPOSES + int(purpose), self.index])
+        state = tf.stack([self.seed * _MAX_STREAMS + int(purpose), self.index])
         key, counter = tf.raw_ops.StatelessRandomGetKeyCounter(seed=state)
         return {"shape": shape, "key": key, "counter": counter, "alg": _PHILOX}
 
-    def uniform(self, shape: list[int], purpose: Purpose) -> tf.Tensor:
+    def uniform(self, shape: list[int], purpose: Stream) -> tf.Tensor:
         """Uniform [0, 1) float32 numbers of `shape`."""
         return tf.raw_ops.StatelessRandomUniformV2(**self._stream(shape, purpose))
 
-    def normal(self, shape: list[int], purpose: Purpose) -> tf.Tensor:
+    def normal(self, shape: list[int], purpose: Stream) -> tf.Tensor:
         """Standard normal float32 numbers of `shape`."""
         return tf.raw_ops.StatelessRandomNormalV2(**self._stream(shape, purpose))

@@ -1,0 +1,142 @@
+"""Tiles of scenes, of one scene with each component added, of lighting passes, and of masks."""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from laesi_tf.cli import progress
+from laesi_tf.data.ahead import read_ahead
+from laesi_tf.data.decoding import decode
+from laesi_tf.data.fitting import fit
+from laesi_tf.data.photos import Photo
+from laesi_tf.errors import InputError
+from laesi_tf.overlay import FOUND, captioned, outlined, printable
+from laesi_tf.synthesis import COMPONENTS, Ranges, synthesise
+from laesi_tf.synthesis.presets import enable_all_components
+
+COLUMNS = 6
+_LEAVES, PASSES = 6, 4
+_CANDIDATES = 24
+
+
+@dataclass(frozen=True)
+class RenderedScene:
+    """One picture `image` uint8 [H, W, 3], its `mask` uint8 [H, W] 0/1, and `label`: numbers by name."""
+
+    image: np.ndarray
+    mask: np.ndarray
+    label: dict[str, float]
+
+
+def render_scenes(ranges: Ranges, *, seed: int, count: int, size: int) -> list[RenderedScene]:
+    """`count` different leaves, `size` pixels a side."""
+    singly = ranges.with_passes(1)
+    return [_render(singly, seed, index, size) for index in progress(range(count), desc="scenes")]
+
+
+def component_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]:
+    """One scene [H, W, 3], captioned: leaf and sheet alone, then with each component that `ranges` allow.
+
+    The scene is the first in which every component can be seen, or of some the one that shows most.
+    """
+    names = [name for name in _VISIBLE_ORDER if ranges.has(name)]
+    telling = _exaggerate_components(ranges)
+    best: list[np.ndarray] = []
+    most = -1
+    for index in progress(range(_CANDIDATES), desc="a scene that shows every component"):
+        stages = [
+            _render(_keep_components(telling, names[:n]), seed, index, size).image
+            for n in range(len(names) + 1)
+        ]
+        seen = sum(_is_visibly_different(before, after) for before, after in itertools.pairwise(stages))
+        if seen > most:
+            best, most = stages, seen
+        if most == len(names):
+            break
+    captions = ["leaf and sheet", *(f"+ {name.replace('_', ' ')}" for name in names)]
+    return [captioned(image, [caption]) for image, caption in zip(best, captions, strict=True)]
+
+
+def lighting_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]:
+    """Leaves in rows, each under its lighting passes: captioned pictures [H, W, 3]."""
+    lit = ranges.with_passes(PASSES)
+    shown = [_render(lit, seed, i, size) for i in progress(range(_LEAVES * PASSES), desc="passes")]
+    return [
+        captioned(picture.image, [f"leaf {i // PASSES + 1}, light {i % PASSES + 1}"])
+        for i, picture in enumerate(shown)
+    ]
+
+
+# Relief before undulation: height that no light falls on cannot be seen.
+_VISIBLE_ORDER = tuple(
+    name
+    for component in COMPONENTS
+    if component != "undulation"
+    for name in ((component, "undulation") if component == "relief" else (component,))
+)
+
+
+def _exaggerate_components(ranges: Ranges) -> Ranges:
+    """`ranges` with every component present, strong, and within the frame."""
+    full = enable_all_components(ranges.with_passes(1))
+    return dataclasses.replace(
+        full,
+        camera=dataclasses.replace(full.camera, fill=(0.4, 0.45), blur_mm=(0.2, 0.25), noise=(0.02, 0.035)),
+        props=dataclasses.replace(full.props, gap_mm=(2, 5), fragment_mm=(20, 40), handwriting_mm=(20, 34)),
+        paper=dataclasses.replace(full.paper, left=(5, 25), top=(5, 25), crease_depth=(0.1, 0.14)),
+        surface=dataclasses.replace(full.surface, undulation=(0.7, 1.0), spot_threshold=(0.45, 0.55)),
+        light=dataclasses.replace(full.light, relief=(0.6, 0.9), strength=(0.4, 0.6), cast_strength=0.2),
+    )
+
+
+def _keep_components(ranges: Ranges, names: Sequence[str]) -> Ranges:
+    return dataclasses.replace(ranges, without=frozenset(COMPONENTS) - frozenset(names))
+
+
+def _is_visibly_different(before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether an eye can tell two pictures [H, W, 3] apart: 3 of 256 levels in 0.2 % of the pixels."""
+    change = np.abs(before.astype(np.int16) - after).max(axis=-1)
+    return bool(np.mean(change >= 3) > 0.002)
+
+
+def _render(ranges: Ranges, seed: int, index: int, size: int) -> RenderedScene:
+    # Called eagerly: tracing a graph takes as long as two dozen pictures.
+    made = synthesise(seed, size=(size, size), ranges=ranges, index=index)
+    label = {name: made[name].numpy().item() for name in ("index", "area_cm2", "px_per_mm", "tilt_deg")}
+    return RenderedScene(made["image"].numpy(), made["mask"].numpy(), label)
+
+
+def scene_tiles(shown: Sequence[RenderedScene]) -> list[np.ndarray]:
+    return [captioned(picture.image, [f"scene {picture.label['index']}"]) for picture in shown]
+
+
+def mask_tiles(shown: Sequence[RenderedScene]) -> list[np.ndarray]:
+    tiles = []
+    for picture in shown:
+        lines = [(outline, FOUND) for outline in _trace_contours(picture.mask)]
+        caption = "{area_cm2:.2f} cm², {px_per_mm:.2f} px/mm, tilt {tilt_deg:.0f}°".format_map(picture.label)
+        tiles.append(captioned(outlined(picture.image, lines, side=len(picture.image)), [caption]))
+    return tiles
+
+
+def _trace_contours(mask: np.ndarray) -> list[np.ndarray]:
+    """Contours [N, 2] of `mask` [H, W], those of its holes too."""
+    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    return [contour[:, 0] for contour in contours]
+
+
+def photo_tiles(photos: Sequence[Photo], size: int) -> list[np.ndarray]:
+    """Real photos at the scenes' size; one that cannot be read is a blank tile that says so."""
+    tiles = []
+    for photo, image in read_ahead(lambda photo: decode(photo.image), photos):
+        name = printable(Path(photo.name).name)
+        if isinstance(image, InputError):
+            tiles.append(captioned(np.full((size, size, 3), 230, np.uint8), [f"cannot be read: {name}"]))
+        else:
+            tiles.append(captioned(fit(image, (size, size))[0], [f"photo {name}"]))
+    return tiles

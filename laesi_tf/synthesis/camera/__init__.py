@@ -1,0 +1,1 @@
+"""The camera: pose and projection, lens blur, tone, noise and chroma."""

@@ -1,0 +1,34 @@
+"""Homographies and pixel grids in TensorFlow.
+
+Points are (x, y) floats; pixel (row i, column j) covers [j, j+1] x [i, i+1], so centres lie at halves.
+"""
+
+import tensorflow as tf
+
+ImageSize = tuple[int, int]
+"""Height and width in pixels."""
+
+
+def project_points(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
+    """Map `points` [..., 2] through `homography` [3, 3]."""
+    flat = tf.reshape(points, [-1, 2])
+    mapped = tf.linalg.matmul(flat, homography[:, :2], transpose_b=True) + homography[:, 2]
+    return tf.reshape(mapped[:, :2] / mapped[:, 2:], tf.shape(points))
+
+
+def px_per_mm_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
+    """Pixels per millimetre at `point` [2] mm: root of the Jacobian determinant, |det H| / w^3."""
+    w = tf.reduce_sum(homography[2, :2] * point) + homography[2, 2]
+    determinant = tf.reduce_sum(homography[0] * tf.linalg.cross(homography[1], homography[2]))
+    return tf.sqrt(tf.abs(determinant) / tf.abs(w) ** 3)
+
+
+def pixel_centres_to_sheet(to_px: tf.Tensor, size: ImageSize) -> tuple[tf.Tensor, tf.Tensor]:
+    """Sheet position X, Y [H, W] in mm under each pixel's centre."""
+    # The adjugate: a homography's inverse up to a factor, which the division removes.
+    inverse = tf.linalg.cross(tf.gather(to_px, [1, 2, 0]), tf.gather(to_px, [2, 0, 1]))
+    u = tf.range(size[1], dtype=tf.float32)[None, :] + 0.5
+    v = tf.range(size[0], dtype=tf.float32)[:, None] + 0.5
+    x, y, w = (u * column[0] + (v * column[1] + column[2]) for column in tf.unstack(inverse, axis=1))
+    reciprocal = 1 / w
+    return x * reciprocal, y * reciprocal

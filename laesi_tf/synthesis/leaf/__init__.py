@@ -1,0 +1,1 @@
+"""The leaf: outline, holes, surface and veins."""
