@@ -9,14 +9,14 @@ import tensorflow as tf
 import tomli_w
 
 from experiments.experiment_specs import Experiment, Job, shorten
-from laesi_tf.data import records, synthetic
-from laesi_tf.data.folders import MANIFEST
-from laesi_tf.data.photos import Photo, read_manifest
-from laesi_tf.data.real import held
-from laesi_tf.data.records import Contents
+from laesi_tf.data import dataset_spec, synthetic
+from laesi_tf.data.dataset_generation import generate_dataset
+from laesi_tf.data.dataset_spec import DatasetSpec
+from laesi_tf.data.image_folders import MANIFEST_FILE
+from laesi_tf.data.manifest import Photo, read_manifest
+from laesi_tf.data.photo_dataset import load_into_memory
 from laesi_tf.errors import InputError
 from laesi_tf.files import digest, write_text
-from laesi_tf.generate import generate
 from laesi_tf.synthesis import load_ranges
 from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
@@ -63,7 +63,7 @@ def explain_missing_data(trial: Job, folder: Path, *, size: tuple[int, int], sca
         return None
     there, least = folder / trial.row.folder, shorten(trial.count, scale)
     try:
-        contents = records.read_contents(there)
+        contents = dataset_spec.read_spec(there)
     except InputError as error:
         return str(error)
     if contents.format != "records" or contents.size != size:
@@ -113,7 +113,7 @@ def generate_square_photos(trial: Job, folder: Path, *, scale: float) -> list[Ph
     count = shorten(trial.count, scale)
     name = f"{trial.row.name}-{count}x{_SIDE}-{trial.seed}"
     made = _ensure_dataset(trial.row, folder / name, count=count, size=_SIDE, seed=trial.seed, form="folder")
-    return [replace(photo, px_per_mm=None) for photo in read_manifest(made / MANIFEST)]
+    return [replace(photo, px_per_mm=None) for photo in read_manifest(made / MANIFEST_FILE)]
 
 
 def _ensure_dataset(
@@ -121,7 +121,7 @@ def _ensure_dataset(
 ) -> Path:
     """The data set in `path`, made or completed where need be."""
     ranges = load_ranges(row.scenes).with_passes(1)
-    contents = Contents(
+    contents = DatasetSpec(
         count=count,
         size=(size, size),
         per_shard=_PER_SHARD,
@@ -129,15 +129,15 @@ def _ensure_dataset(
         format=form,
         ranges=ranges_to_toml(ranges),
     )
-    generate(contents, ranges, path)
+    generate_dataset(contents, ranges, path)
     return path
 
 
 def make_validation_batches(
-    photos: Iterable[Photo], *, task: synthetic.Task, size: int, batch_size: int
+    photos: Iterable[Photo], *, task: synthetic.TaskName, size: int, batch_size: int
 ) -> tf.data.Dataset:
     """`photos` once, in memory, as batches to validate on. Raises InputError when none can be used."""
-    pictures, _ = held(list(photos), size=(size, size), masked=task == "mask")
-    return synthetic.batched(
+    pictures, _ = load_into_memory(list(photos), size=(size, size), masked=task == "mask")
+    return synthetic.batch_samples(
         tf.data.Dataset.range(pictures.count).map(pictures.at), task=task, batch_size=batch_size
     )

@@ -3,7 +3,7 @@
 import keras
 import numpy as np
 
-from laesi_tf.data.fitting import fit
+from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.estimators.base import NOTHING, Known, Measurement
 from laesi_tf.estimators.network import compiled
 
@@ -20,6 +20,6 @@ class MaskOnlyEstimator:
 
     def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
         """As `Estimator.measure`: leaf is where the network, stretched to the photo, says so by half."""
-        small, placement = fit(image, self._size)
+        small, placement = letterbox_image(image, self._size)
         leaf = placement.to_photo(self._predict(small[np.newaxis])[0, ..., 0])
         return Measurement(method=METHOD, mask=leaf >= 0.5, refusal="a mask alone has no scale")

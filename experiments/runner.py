@@ -14,7 +14,7 @@ from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.paths import MEASURED, MIXTURE, SETTINGS
 from laesi_tf import runs
 from laesi_tf.config import TrainConfig
-from laesi_tf.data.synthetic import Task
+from laesi_tf.data.synthetic import TaskName
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Estimator, Regression, RuleBased
 from laesi_tf.files import read_json, write_json
@@ -86,7 +86,7 @@ class ExperimentRunner:
 
     def _trained(self, trial: Job) -> Metrics:
         settings, splits = self._config(trial), self.photos.splits
-        side, task = settings.size[0], cast(Task, trial.task)
+        side, task = settings.size[0], cast(TaskName, trial.task)
         datasets.write_mixture(
             Path(settings.mixture), trial, self.photos, self.sets, size=side, scale=self.scale
         )

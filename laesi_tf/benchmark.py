@@ -6,10 +6,13 @@ interquartile range. A difference smaller than its range is noise.
 
 from collections.abc import Callable, Sequence
 
-from laesi_tf.benchmarks import photo, synthesis
+from laesi_tf.benchmarks import photo_speed, synthesis_speed
 from laesi_tf.cli import parser, run
 
-BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {"synthesis": synthesis.main, "photo": photo.main}
+BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
+    "synthesis": synthesis_speed.main,
+    "photo": photo_speed.main,
+}
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -13,10 +13,10 @@ from typing import Any
 import tomli_w
 
 from laesi_tf import cli
-from laesi_tf.data.augment import AUGMENTATIONS, augmentations
+from laesi_tf.data.augmentation import AUGMENTATIONS, parse_augmentations
 from laesi_tf.errors import InputError
 from laesi_tf.files import write_text
-from laesi_tf.models import area, segmentation
+from laesi_tf.models import area_network, mask_network
 from laesi_tf.models.backbone import BACKBONES
 from laesi_tf.schedules import OPTIMIZERS, SCHEDULES
 
@@ -54,11 +54,11 @@ class TrainConfig:
     schedule: str = _field("piecewise", "how the learning rate falls", choices=tuple(SCHEDULES))
     learning_rate: float = _field(1e-3, "highest learning rate", low=1e-12, high=10.0)
     final_learning_rate: float = _field(1e-9, "last learning rate", low=1e-12, high=10.0)
-    transform: str = _field("log", "what of the area is regressed", choices=area.TRANSFORMS)
+    transform: str = _field("log", "what of the area is regressed", choices=area_network.TRANSFORMS)
     loss: str = _field(
         "auto",
-        f"auto: {area.LOSSES[0]} for areas, {segmentation.LOSSES[0]} for masks",
-        choices=("auto", *area.LOSSES, *segmentation.LOSSES),
+        f"auto: {area_network.LOSSES[0]} for areas, {mask_network.LOSSES[0]} for masks",
+        choices=("auto", *area_network.LOSSES, *mask_network.LOSSES),
     )
     batch_norm: str = _field(
         "recalibrated",
@@ -88,10 +88,10 @@ class TrainConfig:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             object.__setattr__(self, field.name, _checked(field, getattr(self, field.name)))
-        losses = {"area": area.LOSSES, "mask": segmentation.LOSSES}[self.task]
+        losses = {"area": area_network.LOSSES, "mask": mask_network.LOSSES}[self.task]
         if self.loss not in ("auto", *losses):
             raise InputError(f"loss {self.loss!r} is not for task {self.task!r}: choose {_list(losses)}")
-        augmentations(self.augment)
+        parse_augmentations(self.augment)
         if self.batch_size % self.lighting_passes:
             raise InputError(
                 f"batch_size {self.batch_size} is not a multiple of lighting_passes {self.lighting_passes}; "

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from laesi_tf.cli import add_models, parser, run
-from laesi_tf.data.photos import read_manifest
+from laesi_tf.data.manifest import read_manifest
 from laesi_tf.estimators import Estimator, load_estimator
 from laesi_tf.estimators.base import trace
 from laesi_tf.files import require_writable, write_csv, write_json

@@ -3,20 +3,13 @@
 The exported model is loaded again and compared with the run on fresh scenes before it counts as exported.
 """
 
-import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from laesi_tf.cli import parser, run
-from laesi_tf.data import synthetic
+from laesi_tf.exporting.float16 import compute_test_metrics
 from laesi_tf.files import write_json
-from laesi_tf.runs import EXPORTED, Run, export, load_run
-from laesi_tf.tasks import task
-from laesi_tf.training import assess
-
-_BATCHES, _BATCH = 4, 32
+from laesi_tf.runs import EXPORTED, export, load_run
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -28,8 +21,8 @@ def main(arguments: Sequence[str]) -> None:
     original = load_run(options.run)
     export(original, options.out)
     figures = {
-        "original": _figures(original),
-        "exported": _figures(load_run(options.out)),
+        "original": compute_test_metrics(original),
+        "exported": compute_test_metrics(load_run(options.out)),
         "bytes": (options.out / EXPORTED).stat().st_size,
     }
     for name in ("original", "exported"):
@@ -37,22 +30,6 @@ def main(arguments: Sequence[str]) -> None:
     print(f"written: {options.out}, weights {figures['bytes'] / 1e6:.1f} MB")
     if options.json is not None:
         write_json(options.json, figures)
-
-
-def _figures(trained: Run) -> dict[str, float]:
-    """The model's figures on the first scenes of the test stretch."""
-    scenes = synthetic.batches(
-        task="mask" if trained.config.task == "mask" else "area",
-        batch_size=_BATCH,
-        seed=0,
-        size=trained.config.size,
-        ranges=trained.config.ranges,
-        start=synthetic.TEST[0],
-        passes=1,
-    )
-    judged = task(trained.config)
-    found = assess(trained.model, judged, list(itertools.islice(scenes, _BATCHES)))
-    return {key: float(np.asarray(value)) for key, value in judged.figures(found).items()}
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ class Learner:
         self.model, self.task, self.optimizer = model, learned, optimizer
         optimizer.build(model.trainable_variables)
         # Before the step is traced: it sets the layers' momentum.
-        self.recalibrate = batch_norm.recalibrator(model)
+        self.recalibrate = batch_norm.make_recalibrator(model)
         self.infer = tf.function(lambda images: model(images, training=False))
         self.step: Callable[[tf.Tensor, tf.Tensor], tf.Tensor] = tf.function(self._step)
 

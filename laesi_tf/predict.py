@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from laesi_tf.cli import above_zero, add_models, parser, progress, run
-from laesi_tf.data.ahead import read_ahead
-from laesi_tf.data.decoding import SUFFIXES, decode
+from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
+from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Estimator, Known, Leaf, Measurement, load_estimator
 from laesi_tf.files import require_writable, write_csv, write_json
@@ -76,7 +76,7 @@ def predict(estimator: Estimator, photos: Sequence[Path], *, known: Known, out: 
     """
     rows: list[Row] = []
     names = _overlay_names(photos)
-    decoded = progress(read_ahead(decode, photos), total=len(photos), desc="measuring", unit="photo")
+    decoded = progress(prefetch(decode_photo, photos), total=len(photos), desc="measuring", unit="photo")
     for photo, image in decoded:
         if isinstance(image, InputError):
             rows.append(Row(photo=str(photo), error=str(image)))
@@ -119,7 +119,7 @@ def _photos(arguments: Sequence[Path]) -> Iterator[Path]:
         if not argument.is_dir():
             yield argument
             continue
-        inside = sorted(path for path in _listed(argument) if path.suffix.lower() in SUFFIXES)
+        inside = sorted(path for path in _listed(argument) if path.suffix.lower() in PHOTO_SUFFIXES)
         photos = [path for path in inside if not path.name.endswith(_OVERLAY)]
         if not photos:
             raise InputError(f"folder {argument} has no photo in it; name one with JPEG, PNG or TIFF files")

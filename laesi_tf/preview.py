@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from laesi_tf.cli import parser, run
-from laesi_tf.data.photos import read_manifest
+from laesi_tf.data.manifest import read_manifest
 from laesi_tf.files import require_writable, write_json
 from laesi_tf.overlay import sheet, write_png
 from laesi_tf.reporting.scene_tiles import (

@@ -32,7 +32,7 @@ from laesi_tf import config as configuration
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
 from laesi_tf.files import whole, write_text
-from laesi_tf.models.backbone import FROM_SCRATCH, backbone
+from laesi_tf.models.backbone import FROM_SCRATCH, build_backbone
 from laesi_tf.tasks import task
 
 CONFIG, STATE, HISTORY = "config.toml", "state.npz", "history.csv"
@@ -110,7 +110,7 @@ def export(run: Run, out: Path) -> None:
 
 
 def _exported(path: Path, config: TrainConfig) -> keras.Model:
-    base, _ = backbone(config.backbone, size=config.size, alpha=config.alpha, weights=FROM_SCRATCH)
+    base, _ = build_backbone(config.backbone, size=config.size, alpha=config.alpha, weights=FROM_SCRATCH)
     model = task(config).build(base)
     try:
         with np.load(path, allow_pickle=False) as saved:

@@ -12,9 +12,9 @@ import numpy as np
 
 from laesi_tf import metrics
 from laesi_tf.cli import progress
-from laesi_tf.data.ahead import read_ahead
-from laesi_tf.data.decoding import decode, decode_mask
-from laesi_tf.data.photos import Photo
+from laesi_tf.data.decoding import decode_mask, decode_photo
+from laesi_tf.data.manifest import Photo
+from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Estimator, Known, Measurement
 
@@ -50,7 +50,7 @@ def evaluate(estimator: Estimator, photos: Sequence[Photo]) -> list[Score]:
     read.
     """
     scores = []
-    decoded = progress(read_ahead(read, photos), total=len(photos), desc="measuring", unit="photo")
+    decoded = progress(prefetch(read, photos), total=len(photos), desc="measuring", unit="photo")
     for photo, pictures in decoded:
         if isinstance(pictures, InputError):
             scores.append(Score(photo=photo, error=str(pictures)))
@@ -118,7 +118,7 @@ def rank(scores: Sequence[Score]) -> list[Score]:
 
 def read(photo: Photo) -> tuple[np.ndarray, np.ndarray | None]:
     """The photo, uint8 [H, W, 3], and its true mask, bool [H, W], or None. Raises InputError."""
-    image = decode(photo.image)
+    image = decode_photo(photo.image)
     mask = None if photo.mask is None else decode_mask(photo.mask)
     if mask is not None and mask.shape != image.shape[:2]:
         raise InputError(f"mask {photo.mask} is not of its image's size; draw it on the image itself")

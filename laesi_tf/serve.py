@@ -31,18 +31,18 @@ def main(arguments: Sequence[str]) -> None:
     if options.json is not None:
         require_writable(options.json)
     # Held by name: a server stops when nothing refers to it.
-    dispatcher = None if options.join else _dispatcher(options.port)
+    dispatcher = None if options.join else _start_dispatcher(options.port)
     port = options.port if dispatcher is None else dispatcher.target.rpartition(":")[2]
     address = options.join or f"{options.host}:{port}"
-    worker = _worker(address, options.host)
+    worker = _start_worker(address, options.host)
     if options.json is not None:
         write_json(options.json, {"data_service": address})
     print(f"serving: python -m laesi_tf.train --data-service {address}", flush=True)
-    _until_stopped()
+    _wait_for_stop_signal()
     del worker, dispatcher
 
 
-def _dispatcher(port: int) -> tf.data.experimental.service.DispatchServer:
+def _start_dispatcher(port: int) -> tf.data.experimental.service.DispatchServer:
     try:
         return tf.data.experimental.service.DispatchServer(
             tf.data.experimental.service.DispatcherConfig(port=port)
@@ -51,7 +51,7 @@ def _dispatcher(port: int) -> tf.data.experimental.service.DispatchServer:
         raise InputError(f"cannot listen on port {port}; choose another --port ({error.message})") from error
 
 
-def _worker(address: str, host: str) -> tf.data.experimental.service.WorkerServer:
+def _start_worker(address: str, host: str) -> tf.data.experimental.service.WorkerServer:
     """A worker on a free port; it waits for a dispatcher that is not there yet."""
     config = tf.data.experimental.service.WorkerConfig(
         dispatcher_address=address, worker_address=f"{host}:%port%"
@@ -59,7 +59,7 @@ def _worker(address: str, host: str) -> tf.data.experimental.service.WorkerServe
     return tf.data.experimental.service.WorkerServer(config)
 
 
-def _until_stopped() -> None:
+def _wait_for_stop_signal() -> None:
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())

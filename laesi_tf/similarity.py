@@ -15,12 +15,13 @@ from laesi_tf.cli import parser, positive, run
 # isort: split
 import numpy as np
 
-from laesi_tf.data.collection import load_pictures
+from laesi_tf.data.image_sets import load_images
 from laesi_tf.errors import InputError
+from laesi_tf.evaluation.feature_similarity import find_closest_pairs, nearest_cosines
 from laesi_tf.files import require_writable, write_csv, write_json, write_text
-from laesi_tf.likeness import chart_umap, chart_violins, closest_pairs, nearest, require_umap
-from laesi_tf.models.embedding import NETWORKS, embedding
+from laesi_tf.models.image_embedding import NETWORKS, load_embedder
 from laesi_tf.overlay import captioned, sheet, write_png
+from laesi_tf.reporting.similarity_charts import import_umap, plot_umap, plot_violins
 
 _SIZE = (224, 224)
 _PAIRS, _PAIR_COLUMNS = 100, 5
@@ -28,38 +29,38 @@ _PAIRS, _PAIR_COLUMNS = 100, 5
 
 def main(arguments: Sequence[str]) -> None:
     """Embed both sets, compare, draw."""
-    options = _options().parse_args(arguments)
+    options = _make_parser().parse_args(arguments)
     for path in (options.out / "similarity.csv", *([options.json] if options.json else [])):
         require_writable(path)
-    require_umap()
+    import_umap()
     pictures, names = {}, {}
     for key, path in (("a", options.a), ("b", options.b)):
-        pictures[key], names[key] = _loaded(path, options.count, getattr(options, f"split_{key}"))
-    network = embedding(options.network, size=_SIZE, weights=options.weights)
+        pictures[key], names[key] = _load_set(path, options.count, getattr(options, f"split_{key}"))
+    network = load_embedder(options.network, size=_SIZE, weights=options.weights)
     features = {key: network(images) for key, images in pictures.items()}
     scores = {
-        "a to b": nearest(features["a"], features["b"]),
-        "b to a": nearest(features["b"], features["a"]),
-        "within a": nearest(features["a"]),
-        "within b": nearest(features["b"]),
+        "a to b": nearest_cosines(features["a"], features["b"]),
+        "b to a": nearest_cosines(features["b"], features["a"]),
+        "within a": nearest_cosines(features["a"]),
+        "within b": nearest_cosines(features["b"]),
     }
-    figures = _figures(options, network.origin, features, scores)
+    figures = _summarise(options, network.origin, features, scores)
     title = f"a: {options.a}\nb: {options.b}\n{network.origin}"
-    chart_violins(options.out / "violins.png", scores, title=title)
-    chart_umap(options.out / "umap.png", features, title=title)
-    pairs = closest_pairs(features["a"] @ features["b"].T, _PAIRS)
+    plot_violins(options.out / "violins.png", scores, title=title)
+    plot_umap(options.out / "umap.png", features, title=title)
+    pairs = find_closest_pairs(features["a"] @ features["b"].T, _PAIRS)
     _draw_pairs(options.out / "pairs.png", pictures, names, pairs)
     rows = ((names["a"][i], names["b"][j], f"{cosine:.6f}") for i, j, cosine in pairs)
     write_csv(options.out / "similarity.csv", ("a", "b", "cosine"), rows)
-    text = _table(figures)
+    text = _format_table(figures)
     write_text(options.out / "similarity.txt", text + "\n")
     if options.json:
         write_json(options.json, figures)
     print(text)
 
 
-def _loaded(path: Path, count: int, split: str | None) -> tuple[np.ndarray, list[str]]:
-    images, names, unread = load_pictures(path, size=_SIZE, count=count, split=split)
+def _load_set(path: Path, count: int, split: str | None) -> tuple[np.ndarray, list[str]]:
+    images, names, unread = load_images(path, size=_SIZE, count=count, split=split)
     for line in unread:
         print(f"skipped: {line}")
     if len(images) < 3:
@@ -67,7 +68,7 @@ def _loaded(path: Path, count: int, split: str | None) -> tuple[np.ndarray, list
     return images, names
 
 
-def _figures(
+def _summarise(
     options: argparse.Namespace,
     network: str,
     features: Mapping[str, np.ndarray],
@@ -88,7 +89,7 @@ def _figures(
     return told
 
 
-def _table(figures: Mapping[str, Any]) -> str:
+def _format_table(figures: Mapping[str, Any]) -> str:
     lines = [
         f"a: {figures['n_a']} pictures of {figures['a']}",
         f"b: {figures['n_b']} pictures of {figures['b']}",
@@ -116,7 +117,7 @@ def _draw_pairs(
     write_png(path, sheet(tiles, columns=_PAIR_COLUMNS))
 
 
-def _options() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     made = parser("similarity", __doc__)
     made.add_argument("a", type=Path, metavar="A", help="manifest or folder of the first set")
     made.add_argument("b", type=Path, metavar="B", help="manifest or folder of the second set")

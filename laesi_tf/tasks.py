@@ -10,7 +10,7 @@ import tensorflow as tf
 
 from laesi_tf import metrics
 from laesi_tf.config import TrainConfig
-from laesi_tf.models import area, segmentation
+from laesi_tf.models import area_network, mask_network
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -42,10 +42,10 @@ def task(config: TrainConfig) -> Task:
 
 
 def _area(config: TrainConfig) -> Task:
-    loss = area.LOSSES[0] if config.loss == "auto" else config.loss
+    loss = area_network.LOSSES[0] if config.loss == "auto" else config.loss
     return Task(
-        build=partial(area.area_model, transform=config.transform),
-        loss=partial(area.area_loss, transform=config.transform, loss=loss),
+        build=partial(area_network.build_area_network, transform=config.transform),
+        loss=partial(area_network.area_loss, transform=config.transform, loss=loss),
         per_picture=partial(_areas, transform=config.transform),
         figures=_area_figures,
         score="mre",
@@ -54,10 +54,10 @@ def _area(config: TrainConfig) -> Task:
 
 
 def _mask(config: TrainConfig) -> Task:
-    loss = segmentation.LOSSES[0] if config.loss == "auto" else config.loss
+    loss = mask_network.LOSSES[0] if config.loss == "auto" else config.loss
     return Task(
-        build=segmentation.mask_model,
-        loss=partial(segmentation.mask_loss, loss=loss),
+        build=mask_network.build_mask_network,
+        loss=partial(mask_network.mask_loss, loss=loss),
         per_picture=_overlaps,
         figures=_mask_figures,
         score="miou",
@@ -66,7 +66,7 @@ def _mask(config: TrainConfig) -> Task:
 
 
 def _areas(output: np.ndarray, target: np.ndarray, *, transform: str) -> dict[str, np.ndarray]:
-    predicted, true = area.to_area_cm2(output[:, 0], transform), target[:, 0]
+    predicted, true = area_network.to_area_cm2(output[:, 0], transform), target[:, 0]
     return {"predicted": predicted, "true": true, "error": metrics.relative_errors(predicted, true)}
 
 

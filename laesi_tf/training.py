@@ -21,13 +21,13 @@ import tensorflow as tf
 from laesi_tf import report, runs
 from laesi_tf.cli import progress as progress_bar
 from laesi_tf.config import TrainConfig
-from laesi_tf.data import augment, mixture, service, synthetic
-from laesi_tf.data.textures import load_textures
+from laesi_tf.data import augmentation, augmentation_ops, mixture, synthetic, tf_data_service
+from laesi_tf.data.leaf_textures import load_textures
 from laesi_tf.errors import InputError
 from laesi_tf.files import whole, write_json
 from laesi_tf.learner import Batches, Learner, assessed
 from laesi_tf.models import batch_norm
-from laesi_tf.models.backbone import FROM_SCRATCH, backbone
+from laesi_tf.models.backbone import FROM_SCRATCH, build_backbone
 from laesi_tf.runs import Progress, Run, load_run
 from laesi_tf.schedules import SCHEDULES, optimizer
 from laesi_tf.synthesis import load_ranges
@@ -107,7 +107,7 @@ def build(config: TrainConfig, *, origin: str | None = None) -> tuple[keras.Mode
     """
     keras.utils.set_random_seed(config.seed)
     weights = config.weights if origin is None else FROM_SCRATCH
-    base, found = backbone(config.backbone, size=config.size, alpha=config.alpha, weights=weights)
+    base, found = build_backbone(config.backbone, size=config.size, alpha=config.alpha, weights=weights)
     origin = origin or found
     if config.batch_norm == "frozen" and origin == FROM_SCRATCH:
         raise InputError("batch_norm frozen needs pretrained weights; choose recalibrated")
@@ -246,7 +246,7 @@ class _Fitting:
     def _calibration(self) -> list[tf.Tensor]:
         count = -(-_CALIBRATION_PICTURES // self.config.batch_size)
         batches = (images for images, _ in itertools.islice(self.stream(0), count))
-        return batch_norm.calibration(batches, _CALIBRATION_PICTURES)
+        return batch_norm.calibration_batches(batches, _CALIBRATION_PICTURES)
 
     def _diverged(self, what: str) -> Diverged:
         step = self.progress.step
@@ -325,24 +325,26 @@ def _training(config: TrainConfig, data_service: str) -> Stream:
         # Runs of places are whole: a batch has so many leaves.
         passes = config.lighting_passes
         first = places.filter(lambda place: place % passes == 0)
-        scenes = synthetic.pictures_of(
-            first.map(lambda place: (place + synthetic.TRAIN[0]) // passes),
+        scenes = synthetic.samples_of_leaves(
+            first.map(lambda place: (place + synthetic.TRAIN_INDICES[0]) // passes),
             seed=config.seed,
             size=config.size,
             ranges=ranges,
             passes=passes,
             textures=textures,
         )
-        return _examples(scenes.map(lambda scene: (scene["index"] - synthetic.TRAIN[0], scene)), config)
+        return _examples(
+            scenes.map(lambda scene: (scene["index"] - synthetic.TRAIN_INDICES[0], scene)), config
+        )
 
     def stream(start: int) -> Batches:
         if data_service:
-            return service.served(live, data_service, batch_size=batch_size, start=start)
+            return tf_data_service.receive_batches(live, data_service, batch_size=batch_size, start=start)
         if sources:
-            mixed = mixture.mix(sources, seed=config.seed, start=start)
+            mixed = mixture.mix_sources(sources, seed=config.seed, start=start)
             examples = _examples(mixed.enumerate(start), config)
         else:
-            examples = live(tf.data.Dataset.range(start, synthetic.TRAIN[1]))
+            examples = live(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1]))
         return examples.map(lambda _, example: example).batch(batch_size).prefetch(2)
 
     return stream
@@ -350,15 +352,19 @@ def _training(config: TrainConfig, data_service: str) -> Stream:
 
 def _examples(numbered: tf.data.Dataset, config: TrainConfig) -> tf.data.Dataset:
     """(place, (image, target)) of a stream of (place, picture), augmented as `config` says."""
-    task_name = cast(synthetic.Task, config.task)
-    switched = augment.switches(augment.augmentations(config.augment))
+    task_name = cast(synthetic.TaskName, config.task)
+    switched = augmentation.augmentation_flags(augmentation.parse_augmentations(config.augment))
 
-    def augmented(place: tf.Tensor, picture: augment.Picture) -> tuple[tf.Tensor, augment.Picture]:
-        return place, augment.augment(picture, tf.stack([config.seed, place]), tf.constant(switched))
+    def augmented(
+        place: tf.Tensor, picture: augmentation_ops.Sample
+    ) -> tuple[tf.Tensor, augmentation_ops.Sample]:
+        return place, augmentation.augment_sample(
+            picture, tf.stack([config.seed, place]), tf.constant(switched)
+        )
 
     if switched.any():
         numbered = numbered.map(augmented, num_parallel_calls=tf.data.AUTOTUNE)
-    return numbered.map(lambda place, picture: (place, synthetic.example(picture, task_name)))
+    return numbered.map(lambda place, picture: (place, synthetic.make_example(picture, task_name)))
 
 
 def _sources(config: TrainConfig, textures: tf.Tensor | None) -> list[mixture.Source]:
@@ -378,13 +384,13 @@ def _sources(config: TrainConfig, textures: tf.Tensor | None) -> list[mixture.So
 
 def _synthetic_validation(config: TrainConfig) -> Batches:
     # One seed for all runs: their scores compare. The range of indices keeps it apart from training.
-    return synthetic.batches(
-        task=cast(synthetic.Task, config.task),
+    return synthetic.synthetic_batches(
+        task=cast(synthetic.TaskName, config.task),
         batch_size=config.batch_size,
         seed=_VALIDATION_SEED,
         size=config.size,
         ranges=config.ranges,
-        start=synthetic.VALIDATION[0],
+        start=synthetic.VALIDATION_INDICES[0],
         count=config.validation_pictures,
         passes=1,
         textures=load_textures(config.textures) if config.textures else None,

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from laesi_tf.data.ahead import read_ahead
+from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
 
 
@@ -15,7 +15,7 @@ def halves(number: int) -> int:
 
 
 def test_results_come_in_order_and_bad_items_in_their_place() -> None:
-    found = list(read_ahead(halves, range(7)))
+    found = list(prefetch(halves, range(7)))
     assert [item for item, _ in found] == list(range(7))
     assert [result for _, result in found[::2]] == [0, 1, 2, 3]
     assert all(isinstance(result, InputError) for _, result in found[1::2])
@@ -30,7 +30,7 @@ def test_no_more_is_read_than_asked() -> None:
             started.append(item)
         return item
 
-    results = read_ahead(read, range(100), depth=2)
+    results = prefetch(read, range(100), depth=2)
     for expected in range(10):
         assert next(results) == (expected, expected)
         assert len(started) <= expected + 4
@@ -40,4 +40,4 @@ def test_no_more_is_read_than_asked() -> None:
 
 def test_faults_of_ours_are_raised() -> None:
     with pytest.raises(ZeroDivisionError):
-        list(read_ahead(lambda item: 1 // item, [1, 0, 2]))
+        list(prefetch(lambda item: 1 // item, [1, 0, 2]))

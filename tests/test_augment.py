@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skimage import color
 
-from laesi_tf.data import augment
-from laesi_tf.data.augment import AUGMENTATIONS, switches
+from laesi_tf.data import augmentation, augmentation_ops
+from laesi_tf.data.augmentation import AUGMENTATIONS, augmentation_flags
 from laesi_tf.errors import InputError
 from laesi_tf.synthesis import synthesise
 
@@ -48,8 +48,8 @@ def halves(upper: float, lower: float) -> dict[str, tf.Tensor]:
 @given(number=SEEDS)
 def test_brightness_adds_the_same_everywhere(number: int) -> None:
     before = picture()["image"].numpy()
-    added = float(augment.draw(seed(number), *augment.BRIGHTNESS))
-    after = augment.brightness(picture(), seed(number))["image"]
+    added = float(augmentation_ops.random_uniform(seed(number), *augmentation_ops.BRIGHTNESS))
+    after = augmentation_ops.adjust_brightness(picture(), seed(number))["image"]
     # cv2.add saturates as pictures do.
     expected = np.clip(cv2.add(before, np.full_like(before, added)), 0, 255)
     np.testing.assert_allclose(after, expected, atol=1e-3)
@@ -59,9 +59,9 @@ def test_brightness_adds_the_same_everywhere(number: int) -> None:
 @given(number=SEEDS)
 def test_contrast_stretches_about_each_channels_mean(number: int) -> None:
     before = picture()["image"].numpy()
-    factor = float(augment.draw(seed(number), *augment.CONTRAST))
+    factor = float(augmentation_ops.random_uniform(seed(number), *augmentation_ops.CONTRAST))
     mean = np.array(cv2.mean(before)[:3], np.float32)
-    after = augment.contrast(picture(), seed(number))["image"]
+    after = augmentation_ops.adjust_contrast(picture(), seed(number))["image"]
     np.testing.assert_allclose(after, np.clip(mean + factor * (before - mean), 0, 255), atol=0.01)
 
 
@@ -69,8 +69,10 @@ def test_contrast_stretches_about_each_channels_mean(number: int) -> None:
 @given(number=SEEDS)
 def test_hue_turns_the_colour_wheel(number: int) -> None:
     hsv = color.rgb2hsv(picture()["image"].numpy() / 255)
-    hsv[..., 0] = (hsv[..., 0] + float(augment.draw(seed(number), *augment.HUE))) % 1
-    after = augment.hue(picture(), seed(number))["image"]
+    hsv[..., 0] = (
+        hsv[..., 0] + float(augmentation_ops.random_uniform(seed(number), *augmentation_ops.HUE))
+    ) % 1
+    after = augmentation_ops.shift_hue(picture(), seed(number))["image"]
     np.testing.assert_allclose(after, 255 * color.hsv2rgb(hsv), atol=0.05)
 
 
@@ -78,15 +80,17 @@ def test_hue_turns_the_colour_wheel(number: int) -> None:
 @given(number=SEEDS)
 def test_saturation_scales_that_of_hsv(number: int) -> None:
     hsv = color.rgb2hsv(picture()["image"].numpy() / 255)
-    hsv[..., 1] = np.clip(hsv[..., 1] * float(augment.draw(seed(number), *augment.SATURATION)), 0, 1)
-    after = augment.saturation(picture(), seed(number))["image"]
+    hsv[..., 1] = np.clip(
+        hsv[..., 1] * float(augmentation_ops.random_uniform(seed(number), *augmentation_ops.SATURATION)), 0, 1
+    )
+    after = augmentation_ops.adjust_saturation(picture(), seed(number))["image"]
     np.testing.assert_allclose(after, 255 * color.hsv2rgb(hsv), atol=0.05)
 
 
 def test_flip_mirrors_half_of_the_pictures() -> None:
     mirrored = 0
     for number in range(40):
-        after = augment.flip(picture(), seed(number))
+        after = augmentation_ops.flip_left_right(picture(), seed(number))
         expected = picture()["image"].numpy(), picture()["mask"].numpy()
         if not np.array_equal(after["image"], expected[0]):
             expected = cv2.flip(expected[0], 1), cv2.flip(expected[1], 1)
@@ -106,7 +110,7 @@ def test_quarter_turns_are_opencvs(size: tuple[int, int], expected: set[int]) ->
         3: lambda field: cv2.rotate(field, cv2.ROTATE_90_CLOCKWISE),
     }
     for number in range(30):
-        after = augment.quarter_turns(before, seed(number))
+        after = augmentation_ops.rotate_quarter_turns(before, seed(number))
         image, mask = before["image"].numpy(), before["mask"].numpy()
         (match,) = (k for k, turn in turns.items() if np.array_equal(after["image"], turn(image)))
         np.testing.assert_array_equal(after["mask"], turns[match](mask))
@@ -118,7 +122,7 @@ def test_quarter_turns_are_opencvs(size: tuple[int, int], expected: set[int]) ->
 @given(number=SEEDS, size=st.sampled_from([(48, 48), (40, 60)]))
 def test_rotation_is_opencvs_and_fills_with_the_borders_median(number: int, size: tuple[int, int]) -> None:
     before = picture(size)
-    angle = float(augment.draw(seed(number), -math.pi, math.pi))
+    angle = float(augmentation_ops.random_uniform(seed(number), -math.pi, math.pi))
     height, width = size
     box = cv2.boxPoints(((0.0, 0.0), (float(width), float(height)), math.degrees(angle)))
     reach = np.ptp(box, axis=0)
@@ -128,7 +132,7 @@ def test_rotation_is_opencvs_and_fills_with_the_borders_median(number: int, size
     image = before["image"].numpy()
     ground = np.median(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]), axis=0)
     expected = cv2.warpAffine(image - ground, matrix, (width, height)) + ground
-    after = augment.rotation(before, seed(number))
+    after = augmentation_ops.rotate(before, seed(number))
     # OpenCV rounds positions to 1/32 of a pixel, and medians of an even count differ by half a step.
     off = np.abs(after["image"].numpy() - expected)
     assert off.mean() < 1.0 and np.percentile(off, 95) < 4.0
@@ -158,8 +162,8 @@ def test_geometric_ones_move_scale_and_camera_with_the_leaf(number: int, name: s
 def test_gaussian_noise_has_equal_strength_everywhere() -> None:
     flat = halves(60, 190)
     strength, _ = tf.unstack(tf.random.split(seed(6), 2))
-    expected = float(augment.draw(strength, *augment.GAUSSIAN))
-    noise = augment.gaussian_noise(flat, seed(6))["image"].numpy() - flat["image"].numpy()
+    expected = float(augmentation_ops.random_uniform(strength, *augmentation_ops.GAUSSIAN))
+    noise = augmentation_ops.add_gaussian_noise(flat, seed(6))["image"].numpy() - flat["image"].numpy()
     assert expected > 1
     for half in (noise[:90], noise[90:]):
         assert abs(half.mean()) < 0.2 and half.std() == pytest.approx(expected, rel=0.03)
@@ -168,8 +172,8 @@ def test_gaussian_noise_has_equal_strength_everywhere() -> None:
 def test_poisson_noise_has_a_variance_in_proportion_to_the_light() -> None:
     flat = halves(40, 160)
     strength, _ = tf.unstack(tf.random.split(seed(5), 2))
-    photons = math.exp(float(augment.draw(strength, *np.log(augment.PHOTONS))))
-    after = augment.poisson_noise(flat, seed(5))["image"].numpy()
+    photons = math.exp(float(augmentation_ops.random_uniform(strength, *np.log(augmentation_ops.PHOTONS))))
+    after = augmentation_ops.add_poisson_noise(flat, seed(5))["image"].numpy()
     for half, level in ((after[:90], 40), (after[90:], 160)):
         assert half.mean() == pytest.approx(level, rel=0.01)
         assert half.var() == pytest.approx(level / photons, rel=0.05)
@@ -179,22 +183,24 @@ def test_poisson_noise_has_a_variance_in_proportion_to_the_light() -> None:
 
 @pytest.mark.parametrize("name", AUGMENTATIONS)
 def test_one_traced_pipeline_serves_every_set_and_agrees_with_eager_calls(name: str) -> None:
-    enabled = tf.Variable(switches([]))
+    enabled = tf.Variable(augmentation_flags([]))
     before = picture((48, 48))
     before["image"] = tf.cast(before["image"], tf.uint8)
     traces = []
 
     def change(index: tf.Tensor) -> dict[str, tf.Tensor]:
         traces.append(name)
-        return augment.augment(before, tf.stack([index, 7]), enabled)
+        return augmentation.augment_sample(before, tf.stack([index, 7]), enabled)
 
     pipeline = tf.data.Dataset.range(3).map(change)
     for untouched in pipeline:
         np.testing.assert_array_equal(untouched["image"], before["image"])
-    enabled.assign(switches([name]))
+    enabled.assign(augmentation_flags([name]))
     changed = list(pipeline)
     for index, after in enumerate(changed):
-        expected = augment.augment(before, tf.constant([index, 7], tf.int64), tf.constant(switches([name])))
+        expected = augmentation.augment_sample(
+            before, tf.constant([index, 7], tf.int64), tf.constant(augmentation_flags([name]))
+        )
         assert after.keys() == before.keys()
         off = np.abs(after["image"].numpy().astype(int) - expected["image"].numpy())
         assert off.max() <= 1
@@ -204,10 +210,10 @@ def test_one_traced_pipeline_serves_every_set_and_agrees_with_eager_calls(name: 
 
 def test_a_picture_without_mask_and_scale_will_do() -> None:
     bare = {"image": tf.cast(picture()["image"], tf.uint8)}
-    after = augment.augment(bare, seed(1), tf.constant(switches(AUGMENTATIONS)))
+    after = augmentation.augment_sample(bare, seed(1), tf.constant(augmentation_flags(AUGMENTATIONS)))
     assert after.keys() == {"image"} and after["image"].shape == bare["image"].shape
 
 
 def test_unknown_augmentation_is_named() -> None:
     with pytest.raises(InputError, match=r"'blur'.*brightness"):
-        switches(["blur"])
+        augmentation_flags(["blur"])

@@ -11,8 +11,8 @@ import tensorflow as tf
 from scenes import RENDERING_2, only
 
 from laesi_tf import benchmark, machine
-from laesi_tf.benchmarks import photo, synthesis
-from laesi_tf.benchmarks.spread import Spread
+from laesi_tf.benchmarks import component_cost, photo_speed, synthesis_speed, timing, training_speed
+from laesi_tf.benchmarks.timing import MedianIqr
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Measurement
 from laesi_tf.synthesis import COMPONENTS
@@ -31,14 +31,14 @@ class Clock:
 
 
 def test_spread_is_median_and_quartiles() -> None:
-    spread = Spread.of([5.0, 1.0, 2.0, 100.0, 3.0])
+    spread = MedianIqr.of([5.0, 1.0, 2.0, 100.0, 3.0])
     assert (spread.median, spread.iqr) == (3.0, 3.0) and spread.is_noise
-    assert not Spread.of([5.0, 5.5, 6.0]).is_noise
+    assert not MedianIqr.of([5.0, 5.5, 6.0]).is_noise
 
 
 def test_turns_time_the_steps_and_not_the_settling(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
-    monkeypatch.setattr(synthesis.time, "perf_counter", clock)
+    monkeypatch.setattr(timing.time, "perf_counter", clock)
 
     def source(name: str) -> Iterator[str]:
         while True:
@@ -47,11 +47,11 @@ def test_turns_time_the_steps_and_not_the_settling(monkeypatch: pytest.MonkeyPat
     rates: dict[str, list[float]] = {"cached": [], "live": []}
     sources = {name: source(name) for name in rates}
     taken = []
-    for name in synthesis._timed_turns(sources, rates, 3, 5):
+    for name in training_speed._alternate_sources(sources, rates, 3, 5):
         taken.append(name)
-        settling = (len(taken) - 1) % (synthesis._SETTLING_STEPS + 5) < synthesis._SETTLING_STEPS
+        settling = (len(taken) - 1) % (timing.WARMUP_STEPS + 5) < timing.WARMUP_STEPS
         clock.now += 1000.0 if settling else {"cached": 0.1, "live": 0.2}[name]
-    turn = synthesis._SETTLING_STEPS + 5
+    turn = timing.WARMUP_STEPS + 5
     assert taken[:-1] == (["cached"] * turn + ["live"] * turn) * 3
     assert rates["cached"] == pytest.approx([320.0] * 3) and rates["live"] == pytest.approx([160.0] * 3)
 
@@ -64,23 +64,27 @@ def test_training_is_fed_from_memory_and_live_in_turns(monkeypatch: pytest.Monke
         for _ in range(config.steps):
             images, _ = next(stream)
             fed.append(images.numpy().tobytes())
-        assert len(list(train(0))) == synthesis._CACHED_BATCHES and len(validation) == 1
+        assert len(list(train(0))) == training_speed._CACHED_BATCHES and len(validation) == 1
         return type("Result", (), {"metrics": {"weights_origin": config.weights}})
 
-    monkeypatch.setattr(synthesis, "fit", fit)
-    found = synthesis.training_rates(
+    monkeypatch.setattr(training_speed, "fit", fit)
+    found = training_speed.measure_training_speed(
         "small", only("ruling"), weights="none", repeats=2, steps=3, seed=0, size=SIZE
     )
-    turn = synthesis._SETTLING_STEPS + 3
+    turn = timing.WARMUP_STEPS + 3
     cached, live = set(fed[:turn]) | set(fed[2 * turn : 3 * turn]), fed[turn : 2 * turn] + fed[3 * turn :]
-    assert len(cached) == synthesis._CACHED_BATCHES and len(set(live)) == len(live) and not cached & set(live)
+    assert (
+        len(cached) == training_speed._CACHED_BATCHES
+        and len(set(live)) == len(live)
+        and not cached & set(live)
+    )
     assert found["weights_origin"] == "none"
     assert found["ratio"] == pytest.approx(found["live"].median / found["cached"].median)
 
 
 def test_a_components_cost_is_what_goes_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
-    monkeypatch.setattr(synthesis.time, "process_time", clock)
+    monkeypatch.setattr(component_cost.time, "process_time", clock)
     price = {"ruling": 300e-6, "spots": 20e-6}
 
     def maker(ranges: Any, seed: int, size: Any) -> Any:
@@ -90,8 +94,8 @@ def test_a_components_cost_is_what_goes_with_it(monkeypatch: pytest.MonkeyPatch)
 
         return make
 
-    monkeypatch.setattr(synthesis, "_maker", maker)
-    found = synthesis.component_us(only(*price), repeats=2, seed=0, size=SIZE, images=4)
+    monkeypatch.setattr(component_cost, "trace_renderer", maker)
+    found = component_cost.measure_component_cost(only(*price), repeats=2, seed=0, size=SIZE, images=4)
     assert {name: spread.median for name, spread in found.items()} == pytest.approx(
         {"ruling": 300, "spots": 20}
     )
@@ -100,8 +104,8 @@ def test_a_components_cost_is_what_goes_with_it(monkeypatch: pytest.MonkeyPatch)
 def test_cpu_time_of_each_way_stays_with_it() -> None:
     calls: list[int] = []
     makers = [lambda index, n=n: calls.append(n) for n in range(3)]
-    assert len(synthesis._cpu_us(makers, 0)) == 3 and calls == [0, 1, 2]
-    synthesis._cpu_us(makers, 1)
+    assert len(component_cost._measure_cpu_us(makers, 0)) == 3 and calls == [0, 1, 2]
+    component_cost._measure_cpu_us(makers, 1)
     assert calls[3:] == [1, 2, 0]
 
 
@@ -115,8 +119,10 @@ def test_peak_memory_is_what_the_system_says() -> None:
 def test_report_and_json(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rates = {"cached": Spread(200.0, 4.0), "live": Spread(190.0, 5.0), "ratio": 0.95}
-    monkeypatch.setattr(synthesis, "training_rates", lambda *_, **__: rates | {"weights_origin": "none"})
+    rates = {"cached": MedianIqr(200.0, 4.0), "live": MedianIqr(190.0, 5.0), "ratio": 0.95}
+    monkeypatch.setattr(
+        training_speed, "measure_training_speed", lambda *_, **__: rates | {"weights_origin": "none"}
+    )
     path, ranges = tmp_path / "figures.json", tmp_path / "simple.toml"
     ranges.write_text(f"without = {[name for name in COMPONENTS if name != 'ruling']}\n")
     arguments = ["--ranges", str(ranges), "--size", "32", "--images", "70", "--repeats", "1"]
@@ -164,10 +170,10 @@ def test_photos_are_measured_at_their_size_and_the_first_does_not_count(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = Clock()
-    monkeypatch.setattr(photo.time, "perf_counter", clock)
+    monkeypatch.setattr(photo_speed.time, "perf_counter", clock)
     estimator = Slow(clock)
-    figures = photo.photo_ms(estimator, seed=0, size=(48, 64), repeats=3)
+    figures = photo_speed.time_photos(estimator, seed=0, size=(48, 64), repeats=3)
     assert estimator.sizes == [(48, 64, 3)] * 4
     assert figures["measure_ms"] == pytest.approx(30) and figures["decode_ms"] == 0
     assert figures["methods"] == ["slow"] and figures["photos"] == 3
-    assert photo._reduced((3000, 4000)) == (1200, 1600)
+    assert photo_speed._scene_size((3000, 4000)) == (1200, 1600)

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from laesi_tf.data.decoding import MAX_PIXELS, decode, decode_mask, upright_size
+from laesi_tf.data.decoding import MAX_PIXELS, decode_mask, decode_photo, read_upright_size
 from laesi_tf.errors import InputError
 
 # Each row and column differs, so that no flip or turn goes unseen.
@@ -46,7 +46,7 @@ def put(tmp_path: Path) -> Callable[[bytes], Path]:
     ("format_", "tolerance"), [("PNG", 0), ("TIFF", 0), ("BMP", 0), ("GIF", 40), ("WEBP", 12), ("JPEG", 12)]
 )
 def test_formats(put: Callable[[bytes], Path], format_: str, tolerance: int) -> None:
-    picture = decode(put(encoded(format_)))
+    picture = decode_photo(put(encoded(format_)))
     assert picture.dtype == np.uint8 and picture.shape == PICTURE.shape and picture.flags.c_contiguous
     assert np.abs(picture.astype(int) - PICTURE).mean() <= tolerance
 
@@ -73,25 +73,25 @@ def test_exif_orientation(
     exif[0x0112] = orientation
     path = put(encoded(format_, exif=exif))
     expected = UPRIGHT[orientation](PICTURE)
-    decoded = decode(path)
+    decoded = decode_photo(path)
     assert decoded.shape == expected.shape and np.abs(decoded.astype(int) - expected).mean() <= tolerance
-    assert upright_size(path) == expected.shape[:2]
+    assert read_upright_size(path) == expected.shape[:2]
 
 
 def test_first_picture_of_a_phones_double_jpeg(put: Callable[[bytes], Path]) -> None:
     double = encoded("MPO", save_all=True, append_images=[Image.new("RGB", (24, 16))])
-    assert np.abs(decode(put(double)).astype(int) - PICTURE).mean() <= 12
+    assert np.abs(decode_photo(put(double)).astype(int) - PICTURE).mean() <= 12
 
 
 def test_damaged_exif_does_not_cost_the_photo(put: Callable[[bytes], Path]) -> None:
-    assert decode(put(encoded("JPEG", exif=b"Exif\0\0MM\0\x2a\xff\xff\xff\xff"))).shape == PICTURE.shape
+    assert decode_photo(put(encoded("JPEG", exif=b"Exif\0\0MM\0\x2a\xff\xff\xff\xff"))).shape == PICTURE.shape
 
 
 def test_transparency_is_white(put: Callable[[bytes], Path]) -> None:
     picture = np.dstack([PICTURE, np.full((16, 24), 255, np.uint8)])
     picture[:8, :, 3] = 0
     picture[8, :, 3] = 128
-    decoded = decode(put(encoded("PNG", Image.fromarray(picture)))).astype(int)
+    decoded = decode_photo(put(encoded("PNG", Image.fromarray(picture)))).astype(int)
     assert (decoded[:8] == 255).all() and np.array_equal(decoded[9:], PICTURE[9:])
     assert np.abs(decoded[8] - (PICTURE[8] * 128.0 + 255 * 127) / 255).max() <= 1
 
@@ -100,14 +100,14 @@ def test_transparent_palette_entry_is_white(put: Callable[[bytes], Path]) -> Non
     picture = Image.new("P", (4, 2), 1)
     picture.putpalette([0, 0, 0, 10, 200, 30])
     picture.putpixel((0, 0), 0)
-    decoded = decode(put(encoded("PNG", picture, transparency=0)))
+    decoded = decode_photo(put(encoded("PNG", picture, transparency=0)))
     assert decoded[0, 0].tolist() == [255, 255, 255] and decoded[1, 1].tolist() == [10, 200, 30]
 
 
 @pytest.mark.parametrize("format_", ["JPEG", "TIFF"])
 def test_cmyk(put: Callable[[bytes], Path], format_: str) -> None:
     # JPEG stores it inverted, as Adobe's programs do; TIFF does not.
-    decoded = decode(put(encoded(format_, Image.new("CMYK", (16, 16), (255, 0, 0, 0)))))
+    decoded = decode_photo(put(encoded(format_, Image.new("CMYK", (16, 16), (255, 0, 0, 0)))))
     assert np.abs(decoded.astype(int) - [0, 255, 255]).max() <= 3
 
 
@@ -119,7 +119,7 @@ def test_sixteen_bits_are_scaled(tmp_path: Path, suffix: str, channels: int) -> 
     path = tmp_path / f"deep{suffix}"
     assert cv2.imwrite(str(path), deep)
     expected = deep.reshape(8, 32, channels)[..., :1] / 257.0
-    assert np.abs(decode(path) - expected).max() <= 1
+    assert np.abs(decode_photo(path) - expected).max() <= 1
 
 
 @pytest.mark.parametrize("mode", ["L", "1", "LA", "I;16"])
@@ -128,13 +128,13 @@ def test_grey_has_three_equal_channels(put: Callable[[bytes], Path], mode: str) 
     picture = (
         grey.convert("I").point(lambda v: v * 257).convert("I;16") if mode == "I;16" else grey.convert(mode)
     )
-    decoded = decode(put(encoded("PNG", picture)))
+    decoded = decode_photo(put(encoded("PNG", picture)))
     assert (decoded == decoded[..., :1]).all() and decoded.std() > 20
 
 
 def test_twelve_megapixels_stay(put: Callable[[bytes], Path]) -> None:
     path = put(encoded("JPEG", Image.new("RGB", (4032, 3024), (90, 140, 60))))
-    assert decode(path).shape == (3024, 4032, 3)
+    assert decode_photo(path).shape == (3024, 4032, 3)
 
 
 def claim(width: int, height: int) -> bytes:
@@ -149,7 +149,7 @@ def claim(width: int, height: int) -> bytes:
 
 
 @pytest.mark.parametrize("side", [11000, 16000, 60000])
-@pytest.mark.parametrize("read", [decode, decode_mask, upright_size])
+@pytest.mark.parametrize("read", [decode_photo, decode_mask, read_upright_size])
 def test_bombs_are_known_by_their_header(
     put: Callable[[bytes], Path], monkeypatch: pytest.MonkeyPatch, side: int, read: Callable[[Path], object]
 ) -> None:
@@ -175,7 +175,7 @@ BAD = {
 def test_bad_files(put: Callable[[bytes], Path], content: bytes, message: str) -> None:
     path = put(content)
     with pytest.raises(InputError, match=message) as raised:
-        decode(path)
+        decode_photo(path)
     assert str(path) in str(raised.value) and ";" in str(raised.value)
 
 
@@ -186,9 +186,9 @@ def test_what_is_no_file(tmp_path: Path) -> None:
         (Path("/dev/null"), "no picture"),
     ]:
         with pytest.raises(InputError, match=message):
-            decode(path)
+            decode_photo(path)
     with pytest.raises(InputError):
-        decode("nul\0.jpg")
+        decode_photo("nul\0.jpg")
 
 
 def test_unreadable_file_says_why(put: Callable[[bytes], Path], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,7 +199,7 @@ def test_unreadable_file_says_why(put: Callable[[bytes], Path], monkeypatch: pyt
 
     monkeypatch.setattr(Image, "open", refuse)
     with pytest.raises(InputError, match=r"cannot read .*: Permission denied"):
-        decode(path)
+        decode_photo(path)
 
 
 @pytest.mark.parametrize("white", [1, 255])
@@ -228,7 +228,7 @@ fuzz = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCh
 
 
 def decodes_or_says_why(path: Path) -> None:
-    for read in (decode, decode_mask, upright_size):
+    for read in (decode_photo, decode_mask, read_upright_size):
         try:
             read(path)
         except InputError as error:

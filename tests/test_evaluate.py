@@ -11,7 +11,7 @@ from green import disk, photo, save_run
 from PIL import Image
 
 from laesi_tf import evaluate as command
-from laesi_tf.data.photos import Photo
+from laesi_tf.data.manifest import Photo
 from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
 from laesi_tf.overlay import captioned, outlined, sheet
 from laesi_tf.scoring import Score, evaluate, interval, rank, subsets, summarise

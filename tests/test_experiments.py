@@ -18,9 +18,9 @@ from experiments.experiment_specs import Job, load_experiments, plan_jobs
 from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.run import main
 from laesi_tf import training
-from laesi_tf.data import records
+from laesi_tf.data import dataset_spec
+from laesi_tf.data.dataset_spec import DatasetSpec
 from laesi_tf.data.mixture import load_mixture
-from laesi_tf.data.records import Contents
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Estimator
 
@@ -148,7 +148,7 @@ def test_each_row_is_trained_on_its_data(finished: tuple[Path, dict[str, Any]]) 
     )
     assert list(real) == ["photos"] and real["photos"]["split"] == "train" and real["photos"]["count"] == 1
     assert rendered["photos"] == real["photos"] and rendered["scenes"]["count"] == 25
-    scenes = records.read_contents(rendered["scenes"]["folder"])
+    scenes = dataset_spec.read_spec(rendered["scenes"]["folder"])
     assert scenes.count == 25 and scenes.size == (32, 32) and "lighting_passes = 1" in scenes.ranges
     sources = load_mixture(out / "rendering_1-5000" / "mixture.toml", size=(32, 32), seed=0, masked=True)
     assert [(source.name, source.weight) for source in sources] == [("photos", 1.0), ("scenes", 25.0)]
@@ -238,8 +238,8 @@ def test_inpainted_pictures_must_be_enough_and_of_the_size(
     tmp_path: Path, count: int, side: int, form: str, said: str | None
 ) -> None:
     (row,) = load_experiments(["controlnet"])
-    contents = Contents(count=count, size=(side, side), per_shard=1000, seed=0, format=form, ranges="")
-    records.begin(tmp_path / row.folder, contents)
+    contents = DatasetSpec(count=count, size=(side, side), per_shard=1000, seed=0, format=form, ranges="")
+    dataset_spec.start_dataset(tmp_path / row.folder, contents)
     trial = Job(row=row, count=5000, task="area", seed=0)
     found = datasets.explain_missing_data(trial, tmp_path, size=(32, 32), scale=1.0)
     assert found is None if said is None else found is not None and said in found

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from laesi_tf import config as configuration
-from laesi_tf import export as command
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import load_estimator
+from laesi_tf.export import main
 from laesi_tf.runs import BEST, CONFIG, EXPORTED, PRETRAINED, export, load_run
 from laesi_tf.synthesis import synthesise
 from laesi_tf.training import build
@@ -27,7 +27,7 @@ def run(tmp_path_factory):
 
 
 def test_an_exported_run_is_small_and_says_the_same(run, tmp_path):
-    command.main([str(run), "--out", str(tmp_path / "small"), "--json", str(tmp_path / "figures.json")])
+    main([str(run), "--out", str(tmp_path / "small"), "--json", str(tmp_path / "figures.json")])
     pictures = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.float32)
     first, second = (load_run(path).model(pictures, training=False) for path in (run, tmp_path / "small"))
     np.testing.assert_allclose(first, second, rtol=5e-3, atol=5e-3)
@@ -47,7 +47,7 @@ def test_ranges_of_a_file_go_along(run, tmp_path, monkeypatch):
     configuration.write(trained / CONFIG, config, {"weights_origin": "none"})
     (trained / "ranges.toml").write_text("lighting_passes = 1\n")
     monkeypatch.chdir(tmp_path)
-    command.main([str(trained), "--out", "small"])
+    main([str(trained), "--out", "small"])
     exported = configuration.load(tmp_path / "small" / CONFIG)
     assert (exported.ranges, exported.textures) == ("ranges.toml", "leaves")
     assert load_run("small").config.ranges == str(Path("small/ranges.toml"))
@@ -63,7 +63,7 @@ def test_nothing_but_an_export_is_overwritten(run, tmp_path):
 
 
 def test_a_broken_export_is_named(run, tmp_path):
-    command.main([str(run), "--out", str(tmp_path)])
+    main([str(run), "--out", str(tmp_path)])
     whole = (tmp_path / EXPORTED).read_bytes()
     (tmp_path / EXPORTED).write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"weights\.npz is broken"):

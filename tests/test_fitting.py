@@ -5,18 +5,18 @@ import pytest
 import tensorflow as tf
 from green import PAPER, disk, photo
 
-from laesi_tf.data.fitting import fit, fit_mask, place
+from laesi_tf.data.letterbox import compute_letterbox, letterbox_image, letterbox_mask
 
 
 def test_photo_of_the_inputs_size_is_unchanged() -> None:
     image = np.random.default_rng(0).integers(0, 256, (64, 48, 3), np.uint8)
-    assert np.array_equal(fit(image, (64, 48))[0], image)
+    assert np.array_equal(letterbox_image(image, (64, 48))[0], image)
 
 
 @pytest.mark.parametrize("size", [(60, 80), (75, 100), (31, 42), (10, 14)])
 def test_filter_is_the_antialiased_bilinear_one(size: tuple[int, int]) -> None:
     image = np.random.default_rng(0).integers(0, 256, (*size, 3), np.uint8)
-    small, placement = fit(image, (15, 20))
+    small, placement = letterbox_image(image, (15, 20))
     (top, left), (height, width) = placement.offset, placement.extent
     reference = tf.image.resize(image, (height, width), antialias=True).numpy()
     assert np.abs(small[top : top + height, left : left + width] - reference).max() <= 1.5
@@ -25,7 +25,7 @@ def test_filter_is_the_antialiased_bilinear_one(size: tuple[int, int]) -> None:
 @pytest.mark.parametrize("size", [(300, 300), (200, 400), (400, 200), (333, 517), (30, 20)])
 @pytest.mark.parametrize("target", [(64, 64), (96, 64)])
 def test_pixels_stay_square_and_nothing_is_cropped(size: tuple[int, int], target: tuple[int, int]) -> None:
-    placement = place(size, target)
+    placement = compute_letterbox(size, target)
     down, across = placement.scale
     assert down == pytest.approx(across, rel=0.51 / min(placement.extent))
     assert all(offset >= 0 for offset in placement.offset)
@@ -35,7 +35,7 @@ def test_pixels_stay_square_and_nothing_is_cropped(size: tuple[int, int], target
 
 
 def test_fill_is_the_colour_along_the_border() -> None:
-    image, placement = fit(photo(100, 200), (64, 64))
+    image, placement = letterbox_image(photo(100, 200), (64, 64))
     assert placement.offset == (16, 0)
     assert (image[:16] == PAPER).all() and (image[48:] == PAPER).all()
 
@@ -43,8 +43,8 @@ def test_fill_is_the_colour_along_the_border() -> None:
 @pytest.mark.parametrize("size", [(300, 300), (200, 400), (411, 200)])
 def test_mask_there_and_back(size: tuple[int, int]) -> None:
     true = disk(*size)
-    small = fit_mask(true, (96, 96))
-    placement = place(size, (96, 96))
+    small = letterbox_mask(true, (96, 96))
+    placement = compute_letterbox(size, (96, 96))
     assert small.sum() / np.prod(placement.scale) == pytest.approx(true.sum(), rel=0.03)
     back = placement.to_photo(small) >= 0.5
     assert back.shape == size and (back & true).sum() / (back | true).sum() > 0.94
@@ -53,13 +53,13 @@ def test_mask_there_and_back(size: tuple[int, int]) -> None:
 def test_mask_comes_back_to_its_place() -> None:
     true = np.zeros((300, 500), bool)
     true[40:120, 330:430] = True
-    back = place((300, 500), (96, 96)).to_photo(fit_mask(true, (96, 96))) >= 0.5
+    back = compute_letterbox((300, 500), (96, 96)).to_photo(letterbox_mask(true, (96, 96))) >= 0.5
     for found, expected in zip(np.nonzero(back), np.nonzero(true), strict=True):
         assert found.mean() == pytest.approx(expected.mean(), abs=1.5)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 5000), (40000, 3)])
 def test_extreme_shapes(size: tuple[int, int]) -> None:
-    image, placement = fit(np.full((*size, 3), 77, np.uint8), (64, 64))
+    image, placement = letterbox_image(np.full((*size, 3), 77, np.uint8), (64, 64))
     assert image.shape == (64, 64, 3) and (image == 77).all()
     assert placement.to_photo(np.ones((64, 64))).shape == size

@@ -13,21 +13,21 @@ import numpy as np
 import pytest
 from scenes import only
 
-from laesi_tf import generate as command
-from laesi_tf.data import folders, records
-from laesi_tf.data.decoding import decode, decode_mask
-from laesi_tf.data.photos import read_manifest
-from laesi_tf.data.records import Contents
+from laesi_tf import generate
+from laesi_tf.data import image_folders, tfrecords
+from laesi_tf.data.dataset_generation import generate_dataset
+from laesi_tf.data.dataset_spec import DatasetSpec
+from laesi_tf.data.decoding import decode_mask, decode_photo
+from laesi_tf.data.manifest import read_manifest
 from laesi_tf.errors import InputError
-from laesi_tf.generate import generate
 
 SIZE = (48, 64)
 SIMPLE = only("ruling")
 
 
-def contents(**changes: object) -> Contents:
+def contents(**changes: object) -> DatasetSpec:
     options = {"count": 10, "size": SIZE, "per_shard": 4, "seed": 3, "ranges": ""}
-    return Contents(**options | changes)  # type: ignore[arg-type]
+    return DatasetSpec(**options | changes)  # type: ignore[arg-type]
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -39,19 +39,19 @@ def files(folder: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("whole") / "set"
-    figures = generate(contents(), SIMPLE, folder)
+    figures = generate_dataset(contents(), SIMPLE, folder)
     assert figures["pictures"] == 10 and figures["shards"] == 3 and figures["mb"] > 0
     return folder
 
 
 def test_parts_of_many_machines_make_the_whole(whole: Path, tmp_path: Path) -> None:
-    made = [generate(contents(), SIMPLE, tmp_path, part=(i, 2))["pictures"] for i in (1, 0)]
+    made = [generate_dataset(contents(), SIMPLE, tmp_path, part=(i, 2))["pictures"] for i in (1, 0)]
     assert made == [4, 6]
     assert files(tmp_path) == files(whole)
 
 
 def test_records_are_what_training_would_be_fed(whole: Path) -> None:
-    found = list(records.read(whole).as_numpy_iterator())
+    found = list(tfrecords.read_samples(whole).as_numpy_iterator())
     assert [int(picture["index"]) for picture in found] == list(range(10))
     kinds = {picture["prompt"].decode().removesuffix(" leaf on millimeter paper") for picture in found}
     assert kinds <= set(SIMPLE.leaf)
@@ -63,7 +63,7 @@ def test_records_are_what_training_would_be_fed(whole: Path) -> None:
 def test_a_run_that_failed_continues_without_duplicate_or_hole(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    encode, calls = records.encode, []
+    encode, calls = tfrecords.encode_record, []
 
     def failing(*arguments: object, **options: object) -> bytes:
         calls.append(1)
@@ -71,11 +71,11 @@ def test_a_run_that_failed_continues_without_duplicate_or_hole(
             raise KeyboardInterrupt
         return encode(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(records, "encode", failing)
+    monkeypatch.setattr(tfrecords, "encode_record", failing)
     with pytest.raises(KeyboardInterrupt):
-        generate(contents(), SIMPLE, tmp_path)
+        generate_dataset(contents(), SIMPLE, tmp_path)
     assert [path.name for path in tmp_path.glob("*.tfrecord")] == [contents().name(0)]
-    figures = generate(contents(), SIMPLE, tmp_path)
+    figures = generate_dataset(contents(), SIMPLE, tmp_path)
     assert figures["shards_already_there"] == 1 and figures["pictures"] == 6
     assert files(tmp_path) == files(whole)
 
@@ -96,27 +96,27 @@ def test_killed_and_continued(tmp_path: Path) -> None:
     shards = len(list(out.glob("pictures*.tfrecord")))
     assert 1 <= shards < 20
     report = tmp_path / "figures.json"
-    command.main([*options, "--out", str(out), "--json", str(report)])
+    generate.main([*options, "--out", str(out), "--json", str(report)])
     figures = json.loads(report.read_text())
     assert figures["shards_already_there"] == shards and figures["pictures"] == 200 - 10 * shards
-    command.main([*options, "--out", str(tmp_path / "whole")])
+    generate.main([*options, "--out", str(tmp_path / "whole")])
     assert files(out) == files(tmp_path / "whole")
 
 
 def test_folders_are_a_manifest_of_photos(whole: Path, tmp_path: Path) -> None:
     described = contents(format="folder")
-    generate(described, SIMPLE, tmp_path, part=(1, 2))
-    assert not (tmp_path / folders.MANIFEST).exists()
-    generate(described, SIMPLE, tmp_path)
-    photos = read_manifest(tmp_path / folders.MANIFEST)
-    expected = list(records.read(whole).as_numpy_iterator())
+    generate_dataset(described, SIMPLE, tmp_path, part=(1, 2))
+    assert not (tmp_path / image_folders.MANIFEST_FILE).exists()
+    generate_dataset(described, SIMPLE, tmp_path)
+    photos = read_manifest(tmp_path / image_folders.MANIFEST_FILE)
+    expected = list(tfrecords.read_samples(whole).as_numpy_iterator())
     assert len(photos) == 10
     for photo, picture in zip(photos, expected, strict=True):
         assert photo.area_cm2 == pytest.approx(float(picture["area_cm2"]), rel=1e-5)
         assert photo.px_per_mm == pytest.approx(float(picture["px_per_mm"]), rel=1e-5)
         assert photo.mask is not None and photo.grid_mm == 1
         np.testing.assert_array_equal(decode_mask(photo.mask), picture["mask"] == 1)
-        assert np.abs(decode(photo.image).astype(int) - picture["image"]).mean() < 1
+        assert np.abs(decode_photo(photo.image).astype(int) - picture["image"]).mean() < 1
         edges = cv2.imread(str(photo.image).replace("images", "edges").replace("jpg", "png"), -1)
         np.testing.assert_array_equal(edges, picture["edges"] * 255)
     assert not list(tmp_path.glob(".*"))
@@ -124,10 +124,10 @@ def test_folders_are_a_manifest_of_photos(whole: Path, tmp_path: Path) -> None:
 
 def test_another_data_set_in_the_same_folder_is_refused(whole: Path) -> None:
     with pytest.raises(InputError, match="holds another data set"):
-        generate(contents(seed=4), SIMPLE, whole)
+        generate_dataset(contents(seed=4), SIMPLE, whole)
 
 
 @pytest.mark.parametrize("part", ["2/2", "1", "a/b", "-1/2"])
 def test_impossible_parts_are_refused(part: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--shard"):
-        command.main(["--count", "1", "--out", str(tmp_path / "set"), f"--shard={part}"])
+        generate.main(["--count", "1", "--out", str(tmp_path / "set"), f"--shard={part}"])

@@ -4,7 +4,7 @@ import golden_scenes
 import numpy as np
 import pytest
 
-from laesi_tf.data.synthetic import pictures
+from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.estimators import load_estimator
 from laesi_tf.metrics import relative_errors
 from laesi_tf.runs import PRETRAINED
@@ -31,7 +31,9 @@ def measured() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """True areas, areas by ruling x silhouette and by regression, [60] each, NaN where refused."""
     ruling, regression = load_estimator(), load_estimator(PRETRAINED / "area")
     rows = []
-    for scene in pictures(seed=60, size=(640, 640), ranges="rendering_2", count=60).as_numpy_iterator():
+    for scene in synthetic_samples(
+        seed=60, size=(640, 640), ranges="rendering_2", count=60
+    ).as_numpy_iterator():
         areas = (estimator.measure(scene["image"]).area_cm2 for estimator in (ruling, regression))
         rows.append([scene["area_cm2"], *(np.nan if area is None else area for area in areas)])
     true, by_ruling, by_regression = np.array(rows, np.float64).T

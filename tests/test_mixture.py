@@ -13,7 +13,7 @@ from PIL import Image
 from test_records import CONTENTS, SIZE, fill
 
 from laesi_tf.data import mixture
-from laesi_tf.data.mixture import SLOTS, Source, load_mixture, mix
+from laesi_tf.data.mixture import SLOTS, Source, load_mixture, mix_sources
 from laesi_tf.errors import InputError
 
 
@@ -28,13 +28,13 @@ def counting(name: int, weight: float) -> Source:
 
 
 def drawn(sources: Sequence[Source], *, start: int = 0, count: int) -> list[int]:
-    return [int(picture["area_cm2"]) for picture in mix(sources, seed=5, start=start).take(count)]
+    return [int(picture["area_cm2"]) for picture in mix_sources(sources, seed=5, start=start).take(count)]
 
 
 @settings(max_examples=20, deadline=None)
 @given(weights=st.lists(st.floats(0.01, 100), min_size=1, max_size=5))
 def test_shares_are_exact_to_the_slot(weights: list[float]) -> None:
-    quotas = mixture._quotas(weights)
+    quotas = mixture._slots_per_source(weights)
     assert quotas.sum() == SLOTS and (quotas >= 1).all()
     share = np.array(weights) / sum(weights) * SLOTS
     assert (np.abs(quotas - share) <= len(weights) + 1).all()
@@ -102,11 +102,11 @@ count = 2
 def test_counts_bound_how_many_different_pictures_there_are(write: Write) -> None:
     sources = load(write(WHOLE), masked=True)
     assert [source.weight for source in sources] == [20, 10, 2]
-    found = [float(picture["area_cm2"]) for picture in mix(sources, seed=3).take(3 * SLOTS)]
+    found = [float(picture["area_cm2"]) for picture in mix_sources(sources, seed=3).take(3 * SLOTS)]
     photos = [area for area in found if area >= 500]
     assert set(photos) == {500, 501} and abs(len(photos) - 3 * SLOTS / 16) <= 6
     images = set()
-    for picture in mix(sources, seed=3).take(2 * SLOTS):
+    for picture in mix_sources(sources, seed=3).take(2 * SLOTS):
         images.add(picture["image"].numpy().tobytes())
         assert picture.keys() == {"image", "mask", "area_cm2", "px_per_mm"}
         assert picture["image"].shape == (*SIZE, 3) and picture["mask"].numpy().any()
@@ -131,10 +131,10 @@ def test_live_sources_have_the_ranges_and_textures_of_the_run(write: Write) -> N
 @pytest.mark.parametrize("stream", ["false", "true"])
 def test_photos_come_all_before_any_comes_again(write: Write, stream: str) -> None:
     (photos,) = load(write(f'[real]\nkind = "photos"\nweight = 1\nstream = {stream}\n'))
-    found = [float(picture["area_cm2"]) for picture in mix([photos], seed=3).take(9)]
+    found = [float(picture["area_cm2"]) for picture in mix_sources([photos], seed=3).take(9)]
     for epoch in range(3):
         assert sorted(found[3 * epoch : 3 * epoch + 3]) == [500, 501, 502]
-    assert [float(one["area_cm2"]) for one in mix([photos], seed=3, start=4).take(5)] == found[4:]
+    assert [float(one["area_cm2"]) for one in mix_sources([photos], seed=3, start=4).take(5)] == found[4:]
 
 
 def test_weight_zero_is_not_even_opened(write: Write) -> None:

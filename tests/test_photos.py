@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from laesi_tf.data import synthetic
-from laesi_tf.data.decoding import upright_size
-from laesi_tf.data.photos import read_manifest
-from laesi_tf.data.real import Pictures, held, streamed
+from laesi_tf.data.decoding import read_upright_size
+from laesi_tf.data.manifest import read_manifest
+from laesi_tf.data.photo_dataset import IndexedSamples, load_into_memory, stream_from_disk
 from laesi_tf.errors import InputError
 
 Write = Callable[[str | bytes], Path]
@@ -168,24 +168,24 @@ def test_values_survive(write: Write, area: float, subset: str) -> None:
     assert only.area_cm2 == area and only.subset == (subset or None)
 
 
-def at(pictures: Pictures, index: int) -> dict[str, np.ndarray]:
+def at(pictures: IndexedSamples, index: int) -> dict[str, np.ndarray]:
     return {name: value.numpy() for name, value in pictures.at(tf.constant(index, tf.int64)).items()}
 
 
 @pytest.fixture(params=["held", "streamed"])
-def opened(request: pytest.FixtureRequest) -> Callable[..., Pictures]:
+def opened(request: pytest.FixtureRequest) -> Callable[..., IndexedSamples]:
     """Either way to hold photos, taken from a manifest."""
 
-    def open_(path: Path, *, masked: bool = False) -> Pictures:
+    def open_(path: Path, *, masked: bool = False) -> IndexedSamples:
         photos = read_manifest(path)
         if request.param == "streamed":
-            return streamed(photos, size=(32, 32), masked=masked)
-        return held(photos, size=(32, 32), masked=masked)[0]
+            return stream_from_disk(photos, size=(32, 32), masked=masked)
+        return load_into_memory(photos, size=(32, 32), masked=masked)[0]
 
     return open_
 
 
-def test_pictures_are_the_photos_in_order(write: Write, opened: Callable[..., Pictures]) -> None:
+def test_pictures_are_the_photos_in_order(write: Write, opened: Callable[..., IndexedSamples]) -> None:
     pictures = opened(write("image,area_cm2\na.png,12.5\nb.png,3\n"))
     assert pictures.count == 2
     found = [at(pictures, index) for index in (0, 1)]
@@ -193,24 +193,24 @@ def test_pictures_are_the_photos_in_order(write: Write, opened: Callable[..., Pi
     for picture in found:
         assert np.isnan(picture["px_per_mm"]) and not picture["mask"].any()
         assert picture["image"].shape == (32, 32, 3) and picture["image"].dtype == np.uint8
-        assert np.isnan(synthetic.target(picture, "area").numpy()[1:]).all()
+        assert np.isnan(synthetic.make_target(picture, "area").numpy()[1:]).all()
 
 
-def test_pictures_know_the_factors_of_the_area(write: Write, opened: Callable[..., Pictures]) -> None:
+def test_pictures_know_the_factors_of_the_area(write: Write, opened: Callable[..., IndexedSamples]) -> None:
     path = write("image,area_cm2,mask,px_per_mm\nb.png,3,masks/b.png,4\n")
     picture = at(opened(path, masked=True), 0)
     green = picture["image"][..., 1].astype(int) - picture["image"][..., 0] > 60
     assert picture["mask"].dtype == np.uint8 and (green != picture["mask"].astype(bool)).mean() < 0.02
     (photo,) = read_manifest(path)
-    assert picture["px_per_mm"] == pytest.approx(4 * 32 / max(upright_size(photo.image)))
-    share = synthetic.target(picture, "area").numpy()[2]
+    assert picture["px_per_mm"] == pytest.approx(4 * 32 / max(read_upright_size(photo.image)))
+    share = synthetic.make_target(picture, "area").numpy()[2]
     assert share == pytest.approx(green.mean(), abs=0.02)
 
 
 def test_what_is_left_out_is_named(write: Write) -> None:
     path = write("image,area_cm2\na.png,12.5\ncut.png,5\nb.png,3\n")
     (path.parent / "cut.png").write_bytes((path.parent / "a.png").read_bytes()[:70])
-    pictures, skipped = held(read_manifest(path), size=(32, 32), masked=False)
+    pictures, skipped = load_into_memory(read_manifest(path), size=(32, 32), masked=False)
     assert [one.name for one in skipped] == ["cut.png"] and "cannot be decoded" in skipped[0].reason
     assert [float(at(pictures, index)["area_cm2"]) for index in range(pictures.count)] == [12.5, 3.0]
 
@@ -218,13 +218,13 @@ def test_what_is_left_out_is_named(write: Write) -> None:
 def test_a_streamed_photo_that_is_bad_gives_way_to_the_next(write: Write) -> None:
     path = write("image,area_cm2\na.png,12.5\ncut.png,5\nb.png,3\n")
     (path.parent / "cut.png").write_bytes((path.parent / "a.png").read_bytes()[:70])
-    pictures = streamed(read_manifest(path), size=(32, 32), masked=False)
+    pictures = stream_from_disk(read_manifest(path), size=(32, 32), masked=False)
     assert [float(at(pictures, index)["area_cm2"]) for index in range(3)] == [12.5, 3.0, 3.0]
 
 
 def test_pictures_of_nothing_are_an_error(write: Write) -> None:
     photos = read_manifest(write("image,area_cm2\na.png,12.5\n"))
     with pytest.raises(InputError, match=r"none of the 1 photos.*no mask"):
-        held(photos, size=(32, 32), masked=True)
+        load_into_memory(photos, size=(32, 32), masked=True)
     with pytest.raises(InputError, match=r"none of the 1 photos.*no mask"):
-        at(streamed(photos, size=(32, 32), masked=True), 0)
+        at(stream_from_disk(photos, size=(32, 32), masked=True), 0)

@@ -12,26 +12,28 @@ import pytest
 import tensorflow as tf
 from scenes import only
 
-from laesi_tf.data import records, synthetic
-from laesi_tf.data.records import Contents
+from laesi_tf.data import dataset_spec, synthetic, tfrecords
+from laesi_tf.data.dataset_spec import DatasetSpec
 from laesi_tf.errors import InputError
 
 SIZE = (48, 64)
-CONTENTS = Contents(count=10, size=SIZE, per_shard=4, seed=3, ranges="")
+CONTENTS = DatasetSpec(count=10, size=SIZE, per_shard=4, seed=3, ranges="")
 
 
 def scenes(count: int = 10) -> list[dict[str, np.ndarray]]:
-    made = synthetic.pictures(seed=3, size=SIZE, ranges=only("ruling"), count=count, passes=1)
+    made = synthetic.synthetic_samples(seed=3, size=SIZE, ranges=only("ruling"), count=count, passes=1)
     return list(made.as_numpy_iterator())
 
 
-def fill(folder: Path, contents: Contents = CONTENTS) -> None:
+def fill(folder: Path, contents: DatasetSpec = CONTENTS) -> None:
     """A whole data set of `contents`."""
     pictures = scenes(contents.count)
-    records.begin(folder, contents)
+    dataset_spec.start_dataset(folder, contents)
     for shard in range(contents.shards):
-        encoded = [records.encode(pictures[i], seed=3, prompt="oak") for i in contents.pictures(shard)]
-        records.write_shard(folder / contents.name(shard), encoded)
+        encoded = [
+            tfrecords.encode_record(pictures[i], seed=3, prompt="oak") for i in contents.pictures(shard)
+        ]
+        tfrecords.write_shard(folder / contents.name(shard), encoded)
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +50,8 @@ def test_shards_hold_every_picture_once() -> None:
 
 
 def test_what_goes_in_comes_out(folder: Path) -> None:
-    assert records.read_contents(folder) == CONTENTS
-    found = list(records.read(folder).as_numpy_iterator())
+    assert dataset_spec.read_spec(folder) == CONTENTS
+    found = list(tfrecords.read_samples(folder).as_numpy_iterator())
     assert len(found) == 10
     for picture, expected in zip(found, scenes(), strict=True):
         for name in ("mask", "area_cm2", "px_per_mm", "tilt_deg", "to_px", "index"):
@@ -61,51 +63,53 @@ def test_what_goes_in_comes_out(folder: Path) -> None:
 
 
 def test_the_same_picture_gives_the_same_bytes() -> None:
-    one, again = (records.encode(scenes(1)[0], seed=3, prompt="ä") for _ in range(2))
+    one, again = (tfrecords.encode_record(scenes(1)[0], seed=3, prompt="ä") for _ in range(2))
     assert one == again
 
 
 def test_shuffled_gives_all_again_and_again_in_a_new_order(folder: Path) -> None:
-    stream = records.shuffled(folder, seed=1)
+    stream = tfrecords.shuffle_samples(folder, seed=1)
     found = [int(picture["index"]) for picture in stream.take(30)]
     epochs = [found[:10], found[10:20], found[20:]]
     assert all(sorted(epoch) == list(range(10)) for epoch in epochs)
     assert len({tuple(epoch) for epoch in epochs}) == 3
     assert [
-        int(picture["index"]) for picture in records.shuffled(folder, seed=1, start=13).take(17)
+        int(picture["index"]) for picture in tfrecords.shuffle_samples(folder, seed=1, start=13).take(17)
     ] == found[13:]
 
 
 def test_a_single_shard_is_shuffled_anew_as_well(tmp_path: Path) -> None:
     fill(tmp_path, dataclasses.replace(CONTENTS, per_shard=CONTENTS.count))
-    found = [int(picture["index"]) for picture in records.shuffled(tmp_path, seed=1).take(30)]
+    found = [int(picture["index"]) for picture in tfrecords.shuffle_samples(tmp_path, seed=1).take(30)]
     assert len({tuple(found[first : first + 10]) for first in (0, 10, 20)}) == 3
     tf.random.set_seed(9)
-    assert [int(picture["index"]) for picture in records.shuffled(tmp_path, seed=1).take(30)] == found
+    assert [
+        int(picture["index"]) for picture in tfrecords.shuffle_samples(tmp_path, seed=1).take(30)
+    ] == found
 
 
 def test_shuffled_stays_within_a_count(folder: Path) -> None:
-    found = [int(picture["index"]) for picture in records.shuffled(folder, seed=1, count=6).take(12)]
+    found = [int(picture["index"]) for picture in tfrecords.shuffle_samples(folder, seed=1, count=6).take(12)]
     assert sorted(found[:6]) == sorted(found[6:]) == list(range(6))
 
 
 def test_missing_shards_and_broken_data_sets_are_named(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no data set in .*make one with generate"):
-        records.read(tmp_path)
+        tfrecords.read_samples(tmp_path)
     copy = tmp_path / "copy"
-    records.begin(copy, CONTENTS)
-    records.begin(copy, CONTENTS)  # to continue is no error
+    dataset_spec.start_dataset(copy, CONTENTS)
+    dataset_spec.start_dataset(copy, CONTENTS)  # to continue is no error
     with pytest.raises(InputError, match=r"lacks 3 of 3 shards, the first pictures-00000"):
-        records.read(copy)
+        tfrecords.read_samples(copy)
     with pytest.raises(InputError, match="holds another data set"):
-        records.begin(copy, Contents(count=9, size=SIZE, per_shard=4, seed=3, ranges=""))
-    (copy / records.MANIFEST).write_text("{}")
+        dataset_spec.start_dataset(copy, DatasetSpec(count=9, size=SIZE, per_shard=4, seed=3, ranges=""))
+    (copy / dataset_spec.SPEC_FILE).write_text("{}")
     with pytest.raises(InputError, match="is broken"):
-        records.read(copy)
+        tfrecords.read_samples(copy)
     (tmp_path / "busy").mkdir()
     (tmp_path / "busy" / "letter.txt").touch()
     with pytest.raises(InputError, match="neither empty nor a data set"):
-        records.begin(tmp_path / "busy", CONTENTS)
+        dataset_spec.start_dataset(tmp_path / "busy", CONTENTS)
 
 
 def test_a_full_disk_leaves_no_shard(tmp_path: Path) -> None:

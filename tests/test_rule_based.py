@@ -10,7 +10,7 @@ from green import LEAF, PAPER, disk, photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from laesi_tf.data.synthetic import pictures
+from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.errors import InputError
 from laesi_tf.estimators import Estimator, Known, RuleBased, load_estimator
 from laesi_tf.estimators.rule_based import leaf_rule, square_rule
@@ -123,7 +123,7 @@ def test_on_a_scene_with_a_square_the_scale_is_right() -> None:
     """On green leaves on paper that is not: what the software was made for. Colours of scenes vary more."""
     ranges = load_ranges(CALIBRATION)
     ratios = []
-    for made in pictures(seed=0, size=(640, 640), ranges=ranges, count=12).as_numpy_iterator():
+    for made in synthetic_samples(seed=0, size=(640, 640), ranges=ranges, count=12).as_numpy_iterator():
         measured = RuleBased().measure(made["image"])
         if measured.refusal is None:
             ratios.append(measured.leaves[0].px_per_mm / made["px_per_mm"])

@@ -10,7 +10,7 @@ import pytest
 import tensorflow as tf
 from scenes import RENDERING_2, ROOMS, bounds, changed, complete, difference, only, specs
 
-from laesi_tf.data.synthetic import pictures
+from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render_scene, sample_scene, synthesise
 from laesi_tf.synthesis.random_streams import Stream
 from laesi_tf.synthesis.ranges import Probability, field_count, fields_of, sample_params_of_kind
@@ -35,7 +35,7 @@ def mask_mm2(mask: np.ndarray, to_px: np.ndarray) -> float:
 def test_mask_and_label_agree_on_200_untilted_scenes() -> None:
     flat = changed(only(ranges=SINGLY), "camera", tilted=Probability(0.0))
     errors = []
-    for made in pictures(seed=11, size=(1024, 1024), ranges=flat, count=200).as_numpy_iterator():
+    for made in synthetic_samples(seed=11, size=(1024, 1024), ranges=flat, count=200).as_numpy_iterator():
         found = made["mask"].sum(dtype=np.int64) / made["px_per_mm"] ** 2 / 100
         errors.append((found - made["area_cm2"]) / made["area_cm2"])
         assert largest_piece(made["mask"]) > 0.99
@@ -46,7 +46,7 @@ def test_mask_and_label_agree_on_200_untilted_scenes() -> None:
 def test_mask_and_label_agree_on_tilted_scenes() -> None:
     tilted = changed(only(ranges=SINGLY), "camera", tilted=Probability(1.0), tilt_deg=(10, 20))
     errors, naive = [], []
-    for made in pictures(seed=12, size=(768, 640), ranges=tilted, count=40).as_numpy_iterator():
+    for made in synthetic_samples(seed=12, size=(768, 640), ranges=tilted, count=40).as_numpy_iterator():
         found = mask_mm2(made["mask"], made["to_px"]) / 100
         errors.append(abs(found - made["area_cm2"]) / made["area_cm2"])
         flat = made["mask"].sum(dtype=np.int64) / made["px_per_mm"] ** 2 / 100

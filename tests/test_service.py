@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from scenes import only
 
 from laesi_tf.config import TrainConfig
-from laesi_tf.data import service
+from laesi_tf.data import tf_data_service
 from laesi_tf.errors import InputError
 from laesi_tf.training import _training, fit
 
@@ -45,7 +45,7 @@ def test_what_comes_after_its_gap_was_filled_is_dropped() -> None:
     # Each of them late by more than patience has.
     late = sorted([*overtaken, *lost], key=lambda number: number + 60 * (number in lost))
     filled: list[int] = []
-    found = list(service.in_order(((n, n) for n in late), 0, lambda n: filled.append(n) or n))
+    found = list(tf_data_service.reorder_batches(((n, n) for n in late), 0, lambda n: filled.append(n) or n))
     assert found == list(range(len(found)))
     assert set(filled) <= set(lost)
 
@@ -60,7 +60,7 @@ def test_batches_are_put_in_order_and_gaps_filled(case: tuple[list[int], int]) -
         return f"batch {number}"
 
     arriving = ((number, f"batch {number}") for number in numbers)
-    found = list(service.in_order(arriving, first, fill))
+    found = list(tf_data_service.reorder_batches(arriving, first, fill))
     assert found == [f"batch {number}" for number in range(first, first + len(found))]
     assert set(filled) == set(range(first, first + len(found))) - set(numbers)
     assert len(found) == numbers[-1] + 1 - first
@@ -101,7 +101,7 @@ def test_the_stream_is_that_of_one_machine_whatever_becomes_of_a_worker(machines
         assert_same(expected, found)
 
 
-def assert_same(expected: service.Batch, found: service.Batch) -> None:
+def assert_same(expected: tf_data_service.Batch, found: tf_data_service.Batch) -> None:
     for one, other in zip(tf.nest.flatten(expected), tf.nest.flatten(found), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -112,7 +112,7 @@ def test_where_nobody_serves_is_said_at_once(tmp_path: Path) -> None:
         fit(CONFIG, tmp_path / "run", data_service="localhost:1", show=False)
     assert time.monotonic() - begun < 60
     with pytest.raises(InputError, match="HOST:PORT"):
-        service.served(lambda places: places, "somewhere", batch_size=2, start=0)
+        tf_data_service.receive_batches(lambda places: places, "somewhere", batch_size=2, start=0)
 
 
 def test_a_mixture_is_not_made_elsewhere_nor_lit_several_times(tmp_path: Path) -> None:

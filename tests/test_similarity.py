@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from laesi_tf import similarity
-from laesi_tf.data.collection import load_pictures
+from laesi_tf.data.image_sets import load_images
 from laesi_tf.errors import InputError
+from laesi_tf.evaluation.feature_similarity import find_closest_pairs, nearest_cosines
 from laesi_tf.generate import main as generate
-from laesi_tf.likeness import closest_pairs, nearest
-from laesi_tf.models.backbone import backbone
-from laesi_tf.models.embedding import embedding
+from laesi_tf.models.backbone import build_backbone
+from laesi_tf.models.image_embedding import load_embedder
 
 SIZE = (64, 64)
 
@@ -24,7 +24,7 @@ SIZE = (64, 64)
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A file of MobileNetV3 Small with random weights: as good as any to test what is done with features."""
     path = tmp_path_factory.mktemp("weights") / "small.weights.h5"
-    backbone("small", size=SIZE, weights="none")[0].save_weights(path)
+    build_backbone("small", size=SIZE, weights="none")[0].save_weights(path)
     return path
 
 
@@ -46,21 +46,21 @@ def test_nearest_is_the_largest_cosine_to_another(seed: int, count: int, others:
     a, b = (random.normal(size=(n, 5)) for n in (count, others))
     a, b = (x / np.linalg.norm(x, axis=1, keepdims=True) for x in (a, b))
     expected = [max(float(x @ y) for y in b) for x in a]
-    np.testing.assert_allclose(nearest(a, b), expected)
+    np.testing.assert_allclose(nearest_cosines(a, b), expected)
     within = [max(float(a[i] @ a[j]) for j in range(count) if i != j) for i in range(count)]
-    np.testing.assert_allclose(nearest(a), within)
+    np.testing.assert_allclose(nearest_cosines(a), within)
 
 
 def test_closest_pairs_are_in_order_and_no_picture_of_a_comes_twice() -> None:
     cosines = np.array([[0.9, 0.8], [0.1, 0.95], [0.2, 0.3]])
-    assert closest_pairs(cosines, 2) == [(1, 1, 0.95), (0, 0, 0.9)]
+    assert find_closest_pairs(cosines, 2) == [(1, 1, 0.95), (0, 0, 0.9)]
 
 
 def test_features_have_unit_length_and_see_what_is_alike(weights: Path) -> None:
     random = np.random.default_rng(0)
     images = random.integers(0, 256, (40, *SIZE, 3), np.uint8)
     images[1] = images[0] // 2 * 2
-    network = embedding("small", size=SIZE, weights=str(weights))
+    network = load_embedder("small", size=SIZE, weights=str(weights))
     features = network(images)
     assert "small.weights.h5" in network.origin and features.shape == (40, 576)
     np.testing.assert_allclose(np.linalg.norm(features, axis=1), 1, rtol=1e-5)
@@ -72,38 +72,38 @@ def test_features_have_unit_length_and_see_what_is_alike(weights: Path) -> None:
 @pytest.mark.parametrize("weights", ["none", "auto"])
 def test_an_untrained_network_is_refused(weights: str) -> None:
     with pytest.raises(InputError, match="use imagenet or a file"):
-        embedding("small", size=SIZE, weights=weights)
+        load_embedder("small", size=SIZE, weights=weights)
 
 
 def test_weights_of_another_network_are_refused(weights: Path) -> None:
     with pytest.raises(InputError, match="does not hold weights of ResNet50"):
-        embedding("resnet50", size=SIZE, weights=str(weights))
+        load_embedder("resnet50", size=SIZE, weights=str(weights))
 
 
 def test_sets_come_as_folders_manifests_and_records(tmp_path: Path) -> None:
     plain = folder(tmp_path / "plain", list(range(0, 100, 10)))
     (plain / "broken.png").write_bytes(b"no picture")
-    images, names, unread = load_pictures(plain, size=SIZE, count=20)
+    images, names, unread = load_images(plain, size=SIZE, count=20)
     assert images.shape == (10, *SIZE, 3) and len(names) == 10
     assert len(unread) == 1 and "broken.png" in unread[0]
-    images, names, _ = load_pictures(plain, size=SIZE, count=3)
+    images, names, _ = load_images(plain, size=SIZE, count=3)
     assert len(images) == 2 and names == ["0.png", "5.png"]  # the last of the three is the broken one
     listed = folder(tmp_path / "listed", [0, 50, 100], manifest=True)
-    assert load_pictures(listed, size=SIZE, count=9, split="val")[1] == ["1.png"]
+    assert load_images(listed, size=SIZE, count=9, split="val")[1] == ["1.png"]
     generate(["--count", "6", "--per-shard", "4", "--size", "48", "--out", str(tmp_path / "records")])
-    images, names, _ = load_pictures(tmp_path / "records", size=SIZE, count=3)
+    images, names, _ = load_images(tmp_path / "records", size=SIZE, count=3)
     assert images.shape == (3, *SIZE, 3) and names == ["picture 0", "picture 2", "picture 5"]
 
 
 def test_what_is_no_set_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no pictures at"):
-        load_pictures(tmp_path / "nothing", size=SIZE, count=3)
+        load_images(tmp_path / "nothing", size=SIZE, count=3)
     empty = tmp_path / "empty"
     empty.mkdir()
     with pytest.raises(InputError, match="no picture that can be read"):
-        load_pictures(empty, size=SIZE, count=3)
+        load_images(empty, size=SIZE, count=3)
     with pytest.raises(InputError, match="name a split"):
-        load_pictures(empty, size=SIZE, count=3, split="val")
+        load_images(empty, size=SIZE, count=3, split="val")
 
 
 def test_the_command_tells_alike_from_unlike(weights: Path, tmp_path: Path, capsys) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from laesi_tf.config import TrainConfig
-from laesi_tf.data.augment import AUGMENTATIONS, PAPER, switches
+from laesi_tf.data.augmentation import AUGMENTATIONS, PAPER_AUGMENTATIONS, augmentation_flags
 from laesi_tf.errors import InputError
 from sweeps import grid
 from sweeps.trials import search_space
@@ -30,16 +30,18 @@ def test_training_takes_every_level() -> None:
 
 def test_the_sets_are_nothing_all_the_papers_each_and_the_papers_less_each() -> None:
     sets = [frozenset(names) for names in search_space.AUGMENTATION_SETS.values()]
-    paper = frozenset(PAPER)
+    paper = frozenset(PAPER_AUGMENTATIONS)
     wanted = [frozenset(), frozenset(AUGMENTATIONS), paper]
-    wanted += [frozenset([name]) for name in AUGMENTATIONS] + [paper - {name} for name in PAPER]
+    wanted += [frozenset([name]) for name in AUGMENTATIONS] + [paper - {name} for name in PAPER_AUGMENTATIONS]
     assert Counter(sets) == Counter(wanted) and len(set(sets)) == 19
-    assert all(switches(names).sum() == len(names) for names in search_space.AUGMENTATION_SETS.values())
+    assert all(
+        augmentation_flags(names).sum() == len(names) for names in search_space.AUGMENTATION_SETS.values()
+    )
 
 
 def test_the_papers_optimum_is_one_of_them() -> None:
     assert search_space.POINTS.count(search_space.OPTIMUM) == 1
-    assert set(search_space.OPTIMUM.augmentations) == set(PAPER)
+    assert set(search_space.OPTIMUM.augmentations) == set(PAPER_AUGMENTATIONS)
 
 
 def test_it_is_printed_and_written_as_csv(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

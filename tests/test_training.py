@@ -18,7 +18,7 @@ from laesi_tf import runs, training
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
 from laesi_tf.learner import Learner
-from laesi_tf.models.backbone import backbone
+from laesi_tf.models.backbone import build_backbone
 
 SIZE, BATCH = 32, 8
 HERE = Path(__file__).parent
@@ -277,7 +277,7 @@ def test_it_learns(tmp_path, task):
 
 def test_pretrained_weights_are_needed_once(tmp_path):
     weights = tmp_path / "w.weights.h5"
-    backbone("small", size=(SIZE, SIZE), alpha=0.35, weights="none")[0].save_weights(weights)
+    build_backbone("small", size=(SIZE, SIZE), alpha=0.35, weights="none")[0].save_weights(weights)
     config = make(weights=str(weights), steps=4, checkpoint_every=2, batch_norm="frozen")
     out = tmp_path / "run"
 

@@ -26,13 +26,13 @@ FORMATS = ("JPEG", "PNG", "TIFF", "GIF", "WEBP", "BMP")
 
 # Names by which a file in a folder is taken for a photo. HEIC, AVIF and raw files are here so that they are
 # named as unreadable instead of being passed over in silence.
-SUFFIXES = frozenset(
+PHOTO_SUFFIXES = frozenset(
     {".jpg", ".jpeg", ".jpe", ".mpo", ".png", ".tif", ".tiff", ".gif", ".webp", ".bmp"}
     | {".heic", ".heif", ".avif", ".dng", ".cr2", ".nef", ".arw"}
 )
 
-_ORIENTATION = 0x0112
-_TURNS = {
+_ORIENTATION_TAG = 0x0112
+_TRANSPOSITIONS = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
     3: Image.Transpose.ROTATE_180,
     4: Image.Transpose.FLIP_TOP_BOTTOM,
@@ -47,15 +47,17 @@ _TURNS = {
 warnings.filterwarnings("ignore", module=r"PIL\..*")
 
 
-def decode(path: Path | str) -> np.ndarray:
+def decode_photo(path: Path | str) -> np.ndarray:
     """Return the photo at `path` as uint8 [H, W, 3] RGB, upright, at full resolution, not writable.
 
     Transparency is laid over white: what is transparent was cut away by someone, the paper is white, and the
     colour stored under a transparent pixel means nothing. Deeper pixels are scaled to 8 bits, not clipped.
     Raises InputError.
     """
-    with _picture(path) as picture:
-        return np.asarray(_as(_flat(_eight_bit(_upright(picture)), "white"), "RGB"))
+    with _open_image(path) as picture:
+        return np.asarray(
+            _convert_mode(_flatten_transparency(_to_eight_bit(_rotate_upright(picture)), "white"), "RGB")
+        )
 
 
 def decode_mask(path: Path | str) -> np.ndarray:
@@ -65,38 +67,40 @@ def decode_mask(path: Path | str) -> np.ndarray:
     common as masks of 0 and 255. Transparent pixels are not leaf. Raises InputError, also for a mask
     without any leaf.
     """
-    with _picture(path) as picture:
-        grey = np.asarray(_as(_flat(_eight_bit(_upright(picture)), "black"), "L"))
+    with _open_image(path) as picture:
+        grey = np.asarray(
+            _convert_mode(_flatten_transparency(_to_eight_bit(_rotate_upright(picture)), "black"), "L")
+        )
     if not grey.any():
         raise InputError(f"mask {path} has no leaf in it; paint the leaf white on black")
     return grey > grey.max() / 2
 
 
-def upright_size(path: Path | str) -> tuple[int, int]:
+def read_upright_size(path: Path | str) -> tuple[int, int]:
     """(height, width) in pixels as `decode` would give them, from the header alone. Raises InputError."""
-    with _picture(path) as picture:
+    with _open_image(path) as picture:
         width, height = picture.size
         # Pillow turns the size of a TIFF itself.
-        turned = picture.format != "TIFF" and _orientation(picture) in (5, 6, 7, 8)
+        turned = picture.format != "TIFF" and _exif_orientation(picture) in (5, 6, 7, 8)
         return (width, height) if turned else (height, width)
 
 
 @contextlib.contextmanager
-def _picture(path: Path | str) -> Iterator[Image.Image]:
+def _open_image(path: Path | str) -> Iterator[Image.Image]:
     """Open `path`, check its header and yield the undecoded picture; whatever goes wrong is an InputError."""
     path = Path(path)
     try:
         _require_file(path)
         with Image.open(path, formats=FORMATS) as picture:
             if picture.width * picture.height > MAX_PIXELS:
-                raise InputError(_too_large(path, f"{picture.width} x {picture.height} pixels"))
+                raise InputError(_too_large_message(path, f"{picture.width} x {picture.height} pixels"))
             yield picture
     except InputError:
         raise
     except UnidentifiedImageError:
-        raise InputError(_unknown_format(path)) from None
+        raise InputError(_unknown_format_message(path)) from None
     except Image.DecompressionBombError:
-        raise InputError(_too_large(path, "over 178 megapixels")) from None
+        raise InputError(_too_large_message(path, "over 178 megapixels")) from None
     # Hostile bytes make Pillow raise almost anything: SyntaxError, struct.error, KeyError, OverflowError.
     except Exception as error:
         system = error.strerror if isinstance(error, OSError) else None
@@ -113,7 +117,7 @@ def _require_file(path: Path) -> None:
         raise InputError(f"{path} is empty (0 bytes); copy it again from the camera")
 
 
-def _unknown_format(path: Path) -> str:
+def _unknown_format_message(path: Path) -> str:
     with path.open("rb") as file:
         if file.read(8)[4:] == b"ftyp":
             return (
@@ -123,28 +127,28 @@ def _unknown_format(path: Path) -> str:
     return f"{path} is not a picture in a known format; save it as JPEG, PNG, TIFF, WebP, GIF or BMP"
 
 
-def _too_large(path: Path, claim: str) -> str:
+def _too_large_message(path: Path, claim: str) -> str:
     limit = MAX_PIXELS // 1_000_000
     return f"{path} claims {claim}, more than the {limit} megapixels that are read; make it smaller"
 
 
-def _orientation(picture: Image.Image) -> int:
+def _exif_orientation(picture: Image.Image) -> int:
     """The EXIF orientation 1..8; 1 too where metadata is damaged, which says nothing about the pixels."""
     try:
-        return int(picture.getexif().get(_ORIENTATION, 1))
+        return int(picture.getexif().get(_ORIENTATION_TAG, 1))
     except Exception:
         return 1
 
 
-def _upright(picture: Image.Image) -> Image.Image:
+def _rotate_upright(picture: Image.Image) -> Image.Image:
     """Decode and turn `picture` as its EXIF orientation says."""
     # TIFF turns itself on loading and then drops the tag, so the tag is looked at afterwards.
     picture.load()
-    turn = _TURNS.get(_orientation(picture))
+    turn = _TRANSPOSITIONS.get(_exif_orientation(picture))
     return picture if turn is None else picture.transpose(turn)
 
 
-def _eight_bit(picture: Image.Image) -> Image.Image:
+def _to_eight_bit(picture: Image.Image) -> Image.Image:
     """Scale 16-bit grey to 8 bits; Pillow's own conversion would clip everything above 255 to white.
 
     16-bit colour needs nothing: Pillow keeps the high byte of each channel while it decodes.
@@ -159,14 +163,14 @@ def _eight_bit(picture: Image.Image) -> Image.Image:
     return Image.fromarray(((values * 255 + 32767) // 65535).astype(np.uint8))
 
 
-def _flat(picture: Image.Image, background: str) -> Image.Image:
+def _flatten_transparency(picture: Image.Image, background: str) -> Image.Image:
     """Lay a picture with transparency of any kind (channel, palette entry, key colour) over `background`."""
     if not picture.has_transparency_data:
         return picture
-    layer = _as(picture, "RGBA")
+    layer = _convert_mode(picture, "RGBA")
     return Image.alpha_composite(Image.new("RGBA", layer.size, background), layer)
 
 
-def _as(picture: Image.Image, mode: str) -> Image.Image:
+def _convert_mode(picture: Image.Image, mode: str) -> Image.Image:
     """`picture` in `mode`; Pillow would copy one that is in it already."""
     return picture if picture.mode == mode else picture.convert(mode)

@@ -25,8 +25,7 @@ at a place of the stream depends on nothing but the place, so a run that was kil
 """
 
 import tomllib
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,11 +33,8 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.data import records, synthetic
-from laesi_tf.data.photos import read_manifest
-from laesi_tf.data.real import Pictures, held, streamed
+from laesi_tf.data.mixture_sources import SOURCE_OPENERS, SampleStream, SourceContext
 from laesi_tf.errors import InputError
-from laesi_tf.synthesis import load_ranges, synthesise
 
 SLOTS = 256
 """Pictures in which each source has its exact share; shares are rounded to as many parts."""
@@ -51,9 +47,6 @@ _KEYS: dict[str, dict[str, Any]] = {
 # What every source gives; a model is fed no more.
 _FIELDS = ("image", "mask", "area_cm2", "px_per_mm")
 
-# From how many of its pictures came before to the endless stream of those that follow.
-Stream = Callable[[int], tf.data.Dataset]
-
 
 @dataclass(frozen=True)
 class Source:
@@ -61,7 +54,7 @@ class Source:
 
     name: str
     weight: float
-    stream: Stream
+    stream: SampleStream
 
 
 def load_mixture(
@@ -81,22 +74,22 @@ def load_mixture(
     are asked of it.
     """
     path = Path(path)
-    tables = _read(path)
+    tables = _read_tables(path)
     wanted = {name: table for name, table in tables.items() if _share(table) > 0}
     if not wanted:
         raise InputError(f"mixture {path} gives no source a weight or count above 0")
     sources, lives = [], 0
     for name, table in wanted.items():
         # Another live source has a seed of its own: with the same one it would show the same leaves.
-        opened = Opening(path.parent, size, seed + lives, masked, ranges, textures)
-        sources.append(Source(name, _share(table), _OPEN[table["kind"]](table, opened)))
+        opened = SourceContext(path.parent, size, seed + lives, masked, ranges, textures)
+        sources.append(Source(name, _share(table), SOURCE_OPENERS[table["kind"]](table, opened)))
         lives += table["kind"] == "live"
     return sources
 
 
-def mix(sources: Sequence[Source], *, seed: int, start: int = 0) -> tf.data.Dataset:
+def mix_sources(sources: Sequence[Source], *, seed: int, start: int = 0) -> tf.data.Dataset:
     """The stream of pictures from place `start` on, without end: each source has its share of every SLOTS."""
-    quotas = _quotas([source.weight for source in sources])
+    quotas = _slots_per_source([source.weight for source in sources])
     slots = tf.constant(np.repeat(np.arange(len(sources)), quotas))
 
     def block(number: tf.Tensor) -> tf.Tensor:
@@ -107,90 +100,16 @@ def mix(sources: Sequence[Source], *, seed: int, start: int = 0) -> tf.data.Data
     drawn = first * quotas + np.bincount(earlier, minlength=len(sources))
     choices = tf.data.Dataset.range(first, 2**62).map(block).unbatch().skip(passed)
     streams = [source.stream(int(before)) for source, before in zip(sources, drawn, strict=True)]
-    return tf.data.Dataset.choose_from_datasets([stream.map(_common) for stream in streams], choices)
-
-
-@dataclass(frozen=True)
-class Opening:
-    """What sources are opened with."""
-
-    folder: Path
-    size: tuple[int, int]
-    seed: int
-    masked: bool
-    ranges: str
-    textures: tf.Tensor | None
-
-
-def _live(table: Mapping[str, Any], opened: Opening) -> Stream:
-    ranges = table.get("ranges", opened.ranges)
-    if "ranges" in table and isinstance(ranges, str) and ranges.endswith(".toml"):
-        ranges = opened.folder / ranges
-    chosen = load_ranges(ranges).with_passes(1)
-    if "count" not in table:
-        return lambda start: synthetic.pictures(
-            seed=opened.seed, size=opened.size, ranges=chosen, start=start, textures=opened.textures
-        )
-    made = Pictures(
-        table["count"],
-        lambda index: synthesise(
-            opened.seed, size=opened.size, ranges=chosen, index=index, textures=opened.textures
-        ),
+    return tf.data.Dataset.choose_from_datasets(
+        [stream.map(_keep_common_fields) for stream in streams], choices
     )
-    return _again_and_again(made, opened)
 
 
-def _records(table: Mapping[str, Any], opened: Opening) -> Stream:
-    folder = opened.folder / table.get("folder", "")
-    contents = records.read_contents(folder)
-    if contents.format != "records":
-        raise InputError(f"{folder} holds folders, not records; use kind photos with its manifest.csv")
-    if contents.size != opened.size:
-        made = "{} x {}".format(*contents.size)
-        raise InputError(f"the pictures in {folder} are {made} pixels; train with that --size")
-    _enough("records", contents.count, table)
-    return lambda start: records.shuffled(folder, seed=opened.seed, start=start, count=table.get("count"))
-
-
-def _photos(table: Mapping[str, Any], opened: Opening) -> Stream:
-    photos = read_manifest(opened.folder / table.get("manifest", "manifest.csv"), split=table.get("split"))
-    _enough("photos", len(photos), table)
-    photos = photos[: table.get("count")]
-    if table.get("stream", False):
-        return _again_and_again(streamed(photos, size=opened.size, masked=opened.masked), opened)
-    pictures, skipped = held(photos, size=opened.size, masked=opened.masked)
-    for one in skipped:
-        warnings.warn(f"photo skipped: {one.reason}", stacklevel=2)
-    return _again_and_again(pictures, opened)
-
-
-_OPEN: dict[str, Callable[[Mapping[str, Any], Opening], Stream]] = {
-    "live": _live,
-    "records": _records,
-    "photos": _photos,
-}
-
-
-def _again_and_again(pictures: Pictures, opened: Opening) -> Stream:
-    """All pictures once, then all again, in a new order each time."""
-
-    def stream(start: int) -> tf.data.Dataset:
-        def at(place: tf.Tensor) -> dict[str, tf.Tensor]:
-            seed = tf.stack([opened.seed, place // pictures.count])
-            return pictures.at(
-                tf.random.experimental.index_shuffle(place % pictures.count, seed, pictures.count - 1)
-            )
-
-        return tf.data.Dataset.range(start, 2**62).map(at, num_parallel_calls=tf.data.AUTOTUNE)
-
-    return stream
-
-
-def _common(picture: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
+def _keep_common_fields(picture: dict[str, tf.Tensor]) -> dict[str, tf.Tensor]:
     return {name: picture[name] for name in _FIELDS}
 
 
-def _quotas(weights: Sequence[float]) -> np.ndarray:
+def _slots_per_source(weights: Sequence[float]) -> np.ndarray:
     """How many of SLOTS places each source gets: by largest remainder, and at least one."""
     exact = np.array(weights) / sum(weights) * (SLOTS - len(weights))
     quotas = np.floor(exact).astype(int)
@@ -198,7 +117,7 @@ def _quotas(weights: Sequence[float]) -> np.ndarray:
     return quotas + 1
 
 
-def _read(path: Path) -> dict[str, dict[str, Any]]:
+def _read_tables(path: Path) -> dict[str, dict[str, Any]]:
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -208,7 +127,7 @@ def _read(path: Path) -> dict[str, dict[str, Any]]:
         if kind not in _KEYS:
             raise InputError(f"mixture {path}: [{name}] is of kind {kind!r}; use {', '.join(_KEYS)}")
         for key, value in table.items():
-            _check(key, value, _KEYS[kind], f"mixture {path}: [{name}]")
+            _check_value(key, value, _KEYS[kind], f"mixture {path}: [{name}]")
         if not table.keys() & {"weight", "count"}:
             raise InputError(f"mixture {path}: [{name}] has no weight and no count; 0 leaves it out")
     if len({share for table in tables.values() for share in ("weight", "count") if share in table}) > 1:
@@ -216,7 +135,7 @@ def _read(path: Path) -> dict[str, dict[str, Any]]:
     return tables
 
 
-def _check(key: str, value: Any, known: Mapping[str, Any], where: str) -> None:
+def _check_value(key: str, value: Any, known: Mapping[str, Any], where: str) -> None:
     if key not in known:
         raise InputError(f"{where} has no {key!r}; use {', '.join(sorted(known))}")
     if not isinstance(value, known[key]) or isinstance(value, bool) is not (known[key] is bool):
@@ -227,8 +146,3 @@ def _check(key: str, value: Any, known: Mapping[str, Any], where: str) -> None:
 
 def _share(table: Mapping[str, Any]) -> float:
     return float(table.get("weight", table.get("count", 0)))
-
-
-def _enough(name: str, available: int, table: Mapping[str, Any]) -> None:
-    if available < table.get("count", 0):
-        raise InputError(f"{name}: {table['count']} pictures are asked for, but there are {available}")

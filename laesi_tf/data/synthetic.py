@@ -12,15 +12,15 @@ import tensorflow as tf
 
 from laesi_tf.synthesis import Ranges, load_ranges, synthesise, synthesise_passes
 
-TRAIN = (0, 2**40)
-VALIDATION = (2**40, 2**41)
-TEST = (2**41, 2**42)
+TRAIN_INDICES = (0, 2**40)
+VALIDATION_INDICES = (2**40, 2**41)
+TEST_INDICES = (2**41, 2**42)
 """Stretches [start, stop) of the index."""
 
-Task = Literal["area", "mask", "both"]
+TaskName = Literal["area", "mask", "both"]
 
 
-def pictures(
+def synthetic_samples(
     *,
     seed: int,
     size: tuple[int, int] = (224, 224),
@@ -38,15 +38,17 @@ def pictures(
     over one leaf: 1 makes every picture a new leaf. `parallel` is how many leaves are in work at once; a
     leaf is one task because it stays in a core's cache, which batches of them do not.
     """
-    chosen = _chosen(ranges, passes)
+    chosen = _resolve_ranges(ranges, passes)
     each = chosen.lighting_passes
     stop = start + count if count is not None else 2**62
     leaves = tf.data.Dataset.range(start // each, -(-stop // each))
-    made = pictures_of(leaves, seed=seed, size=size, ranges=chosen, textures=textures, parallel=parallel)
+    made = samples_of_leaves(
+        leaves, seed=seed, size=size, ranges=chosen, textures=textures, parallel=parallel
+    )
     return made.skip(start % each).take(stop - start)
 
 
-def pictures_of(
+def samples_of_leaves(
     leaves: tf.data.Dataset,
     *,
     seed: int,
@@ -60,7 +62,7 @@ def pictures_of(
 
     Those of leaf i are the pictures i * passes, i * passes + 1, ... of the stream.
     """
-    chosen = _chosen(ranges, passes)
+    chosen = _resolve_ranges(ranges, passes)
     each = chosen.lighting_passes
 
     def lit(leaf: tf.Tensor) -> dict[str, tf.Tensor]:
@@ -73,30 +75,32 @@ def pictures_of(
     return made if each == 1 else made.unbatch()
 
 
-def _chosen(ranges: str | Path | Ranges, passes: int | None) -> Ranges:
+def _resolve_ranges(ranges: str | Path | Ranges, passes: int | None) -> Ranges:
     chosen = load_ranges(ranges)
     return chosen if passes is None else chosen.with_passes(passes)
 
 
-def batches(*, task: Task, batch_size: int, **options) -> tf.data.Dataset:
+def synthetic_batches(*, task: TaskName, batch_size: int, **options) -> tf.data.Dataset:
     """Batches of `pictures(**options)` as `batched` makes them."""
-    return batched(pictures(**options), task=task, batch_size=batch_size)
+    return batch_samples(synthetic_samples(**options), task=task, batch_size=batch_size)
 
 
-def batched(stream: tf.data.Dataset, *, task: Task, batch_size: int) -> tf.data.Dataset:
+def batch_samples(stream: tf.data.Dataset, *, task: TaskName, batch_size: int) -> tf.data.Dataset:
     """Batches (image uint8 [B, H, W, 3], target) of a stream of pictures, made ahead while a model works.
 
     The target is that of `target`. The last batch of a bounded stream may be smaller.
     """
-    return stream.map(lambda picture: example(picture, task)).batch(batch_size).prefetch(2)
+    return stream.map(lambda picture: make_example(picture, task)).batch(batch_size).prefetch(2)
 
 
-def example(picture: dict[str, tf.Tensor], task: Task) -> tuple[tf.Tensor, tf.Tensor | dict[str, tf.Tensor]]:
+def make_example(
+    picture: dict[str, tf.Tensor], task: TaskName
+) -> tuple[tf.Tensor, tf.Tensor | dict[str, tf.Tensor]]:
     """What a model of `task` learns from one picture: its image and its `target`."""
-    return picture["image"], target(picture, task)
+    return picture["image"], make_target(picture, task)
 
 
-def target(picture: dict[str, tf.Tensor], task: Task) -> tf.Tensor | dict[str, tf.Tensor]:
+def make_target(picture: dict[str, tf.Tensor], task: TaskName) -> tf.Tensor | dict[str, tf.Tensor]:
     """What a model of `task` is to predict from `picture`.
 
     For "area" float32 [3]: area in cm2, pixels per mm at the leaf, and the leaf's share of the picture, NaN

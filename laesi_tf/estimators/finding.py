@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from laesi_tf.data.fitting import Placement, fit
+from laesi_tf.data.letterbox import Letterbox, letterbox_image
 from laesi_tf.estimators.views import Cut, Views
 
 Predict = Callable[[np.ndarray], np.ndarray]
@@ -58,7 +58,7 @@ class Sight:
 
     cut: Cut
     probability: np.ndarray
-    placement: Placement
+    placement: Letterbox
     piece: np.ndarray
     """bool [h, w], True on the piece, in the network's input."""
     box: np.ndarray
@@ -152,7 +152,7 @@ def _tiled(
     return _distinct(found + _alike_in_area(more, found))
 
 
-def _coloured(small: np.ndarray, placement: Placement) -> np.ndarray:
+def _coloured(small: np.ndarray, placement: Letterbox) -> np.ndarray:
     """1 where `small`, uint8 [h, w, 3], differs in colour from the sheet, else 0: float32 [h, w]."""
     side = min(255, min(placement.extent) // 3 | 1)
     off = cv2.absdiff(small, cv2.medianBlur(small, side)).astype(np.float32).max(axis=2)
@@ -224,7 +224,7 @@ def _looked_at_once(
     views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], threshold: float
 ) -> list[Sight]:
     cuts = [views.around(box, at_least=_COARSEST_PX, at_most=_SHARPEST_PX) for box in boxes]
-    fitted = [fit(cut.image, size) for cut in cuts]
+    fitted = [letterbox_image(cut.image, size) for cut in cuts]
     seen = predict(np.stack([small for small, _ in fitted]))[..., 0]
     looks = zip(cuts, seen, fitted, strict=True)
     return [
@@ -235,7 +235,7 @@ def _looked_at_once(
 
 
 def _pieces(
-    views: Views, cut: Cut, probability: np.ndarray, placement: Placement, threshold: float
+    views: Views, cut: Cut, probability: np.ndarray, placement: Letterbox, threshold: float
 ) -> list[Sight]:
     """The connected pieces above a threshold in one view."""
     above = (probability >= threshold).astype(np.uint8)
@@ -246,7 +246,7 @@ def _pieces(
     return [sight for sight in found if (sight.box[1] > sight.box[0]).all()]
 
 
-def _sight(views: Views, cut: Cut, probability: np.ndarray, placement: Placement, piece: np.ndarray) -> Sight:
+def _sight(views: Views, cut: Cut, probability: np.ndarray, placement: Letterbox, piece: np.ndarray) -> Sight:
     left, top, width, height = cv2.boundingRect(piece.astype(np.uint8))
     corners = np.array([[left, top], [left + width, top + height]]) - placement.offset[::-1]
     end = np.array(cut.image.shape[1::-1])

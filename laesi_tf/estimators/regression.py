@@ -9,7 +9,7 @@ import numpy as np
 from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
 from laesi_tf.estimators.network import compiled
 from laesi_tf.estimators.views import Views
-from laesi_tf.models.area import to_area_cm2
+from laesi_tf.models.area_network import to_area_cm2
 
 METHOD = "regression"
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from laesi_tf.data.fitting import Placement, fit
+from laesi_tf.data.letterbox import Letterbox, letterbox_image
 
 LONGEST = 1536
 """Longer side of the picture that stands for the whole photo: 1 mm is at least 5 pixels in views up to 30
@@ -44,17 +44,17 @@ class Views:
         """Take a photo, uint8 [H, W, 3]."""
         self.photo = Cut(photo, np.zeros(2), np.ones(2))
         self.whole = shrunk(self.photo, LONGEST)
-        self._fitted: dict[tuple[int, int], tuple[np.ndarray, Placement]] = {}
+        self._fitted: dict[tuple[int, int], tuple[np.ndarray, Letterbox]] = {}
 
     @property
     def size(self) -> np.ndarray:
         """Width and height of the photo."""
         return np.array(self.photo.image.shape[1::-1])
 
-    def fitted(self, size: tuple[int, int]) -> tuple[np.ndarray, Placement]:
+    def fitted(self, size: tuple[int, int]) -> tuple[np.ndarray, Letterbox]:
         """`whole` in a network's input of `size` (h, w) by `fit`, once for all networks of a size."""
         if size not in self._fitted:
-            self._fitted[size] = fit(self.whole.image, size)
+            self._fitted[size] = letterbox_image(self.whole.image, size)
         return self._fitted[size]
 
     def around(self, box: np.ndarray, *, at_least: int, at_most: int) -> Cut:

@@ -20,10 +20,10 @@ BACKBONES = {
     "large_minimalistic": ("MobileNetV3Large", True),
 }
 FROM_SCRATCH = "none"
-_DOWNLOAD_PATIENCE_SECONDS = 30.0
+_DOWNLOAD_TIMEOUT_S = 30.0
 
 
-def backbone(
+def build_backbone(
     kind: str, *, size: tuple[int, int], alpha: float = 1.0, weights: str = "auto"
 ) -> tuple[keras.Model, str]:
     """The network to its last 1x1 convolution, [B, H, W, 3] -> [B, H/32, W/32, C], and the weights' origin.
@@ -35,11 +35,13 @@ def backbone(
     Raises InputError for weights that cannot be had, read, or fitted.
     """
     if weights == "none":
-        return _network(kind, size, alpha), FROM_SCRATCH
+        return _build_network(kind, size, alpha), FROM_SCRATCH
     if weights not in ("auto", "imagenet"):
-        return from_file(_network(kind, size, alpha), Path(weights), f"MobileNetV3 {kind} of width {alpha:g}")
+        return load_weights_file(
+            _build_network(kind, size, alpha), Path(weights), f"MobileNetV3 {kind} of width {alpha:g}"
+        )
     try:
-        return _network(kind, size, alpha, weights="imagenet"), "imagenet, Keras"
+        return _build_network(kind, size, alpha, weights="imagenet"), "imagenet, Keras"
     except Exception as error:  # Keras wraps what the network throws in bare Exception
         reason = str(error).split("\n")[0].removeprefix("URL fetch failure on ")
         if weights == "imagenet":
@@ -52,10 +54,10 @@ def backbone(
             "which takes several times as many steps; --weights PATH starts from a file you have",
             stacklevel=2,
         )
-        return _network(kind, size, alpha), FROM_SCRATCH
+        return _build_network(kind, size, alpha), FROM_SCRATCH
 
 
-def deepest_at(base: keras.Model, stride: int) -> keras.KerasTensor:
+def features_at_stride(base: keras.Model, stride: int) -> keras.KerasTensor:
     """The last activation of `base` at `stride` 2, 4, 8 or 16: [B, ~H/stride, ~W/stride, C].
 
     It is the expansion that feeds the next strided depthwise convolution, where the MobileNetV3 paper too
@@ -65,10 +67,10 @@ def deepest_at(base: keras.Model, stride: int) -> keras.KerasTensor:
     return padded[(2, 4, 8, 16).index(stride)]
 
 
-def _network(kind: str, size: tuple[int, int], alpha: float, weights: str | None = None) -> keras.Model:
+def _build_network(kind: str, size: tuple[int, int], alpha: float, weights: str | None = None) -> keras.Model:
     constructor, minimalistic = BACKBONES[kind]
     patience = socket.getdefaulttimeout()
-    socket.setdefaulttimeout(_DOWNLOAD_PATIENCE_SECONDS)  # Keras sets none: a silent host would hang for ever
+    socket.setdefaulttimeout(_DOWNLOAD_TIMEOUT_S)  # Keras sets none: a silent host would hang for ever
     try:
         with warnings.catch_warnings():
             # Weights are convolutional and fit any size; Keras warns for every size but 224.
@@ -84,7 +86,7 @@ def _network(kind: str, size: tuple[int, int], alpha: float, weights: str | None
         socket.setdefaulttimeout(patience)
 
 
-def from_file(base: keras.Model, path: Path, name: str) -> tuple[keras.Model, str]:
+def load_weights_file(base: keras.Model, path: Path, name: str) -> tuple[keras.Model, str]:
     """`base`, called `name` for people, with the weights in the file `path`, and their origin.
 
     Raises InputError for a file that is missing, broken, or of another network.
@@ -95,15 +97,15 @@ def from_file(base: keras.Model, path: Path, name: str) -> tuple[keras.Model, st
         )
     try:
         told = digest(path)
-        fitted = _load_every(base, path)
+        fitted = _load_all_variables(base, path)
     except Exception as error:  # whatever h5py, zipfile and Keras throw at a file that is not theirs
-        raise InputError(_misfit(path, name)) from error
+        raise InputError(_mismatch_message(path, name)) from error
     if not fitted:
-        raise InputError(_misfit(path, name))
+        raise InputError(_mismatch_message(path, name))
     return base, f"file {path.name}, sha256 {told}"
 
 
-def _load_every(base: keras.Model, path: Path) -> bool:
+def _load_all_variables(base: keras.Model, path: Path) -> bool:
     """Load `path` into `base`; true if every variable got finite values.
 
     Keras passes over layers that a file lacks and only warns, so all variables are NaN beforehand.
@@ -116,7 +118,7 @@ def _load_every(base: keras.Model, path: Path) -> bool:
     return all(bool(np.isfinite(variable.numpy()).all()) for variable in base.variables)
 
 
-def _misfit(path: Path, name: str) -> str:
+def _mismatch_message(path: Path, name: str) -> str:
     return (
         f"{path} does not hold weights of {name} (include_top=False); save them with "
         "model.save_weights, or name the network and its --alpha that they belong to"

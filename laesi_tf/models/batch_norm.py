@@ -15,21 +15,21 @@ import tensorflow as tf
 
 # The larger the batches, the nearer a pass in training mode is to one in inference mode, and the more memory
 # it takes.
-_BATCH = 64
+_CALIBRATION_BATCH_SIZE = 64
 
 
-def layers(model: keras.Model) -> list[keras.layers.BatchNormalization]:
+def batch_norm_layers(model: keras.Model) -> list[keras.layers.BatchNormalization]:
     """The batch-normalisation layers of `model` in its order."""
     return [layer for layer in model.layers if isinstance(layer, keras.layers.BatchNormalization)]
 
 
 def freeze(model: keras.Model) -> None:
     """Keep the statistics, scale and offset of `model`'s layers as they are, in training as well."""
-    for layer in layers(model):
+    for layer in batch_norm_layers(model):
         layer.trainable = False
 
 
-def recalibrator(model: keras.Model) -> Callable[[Callable[[], Iterable[tf.Tensor]]], None]:
+def make_recalibrator(model: keras.Model) -> Callable[[Callable[[], Iterable[tf.Tensor]]], None]:
     """A function that sets the statistics of `model`'s unfrozen layers to those of pictures.
 
     It takes what gives image batches [B, H, W, 3] of equal size, and asks only if a layer is unfrozen. Mean
@@ -37,7 +37,7 @@ def recalibrator(model: keras.Model) -> Callable[[Callable[[], Iterable[tf.Tenso
     Sets the layers' momentum to 0, so that a pass in training mode leaves its own batch's statistics: make
     the recalibrator before tracing a training step.
     """
-    free = [layer for layer in layers(model) if layer.trainable]
+    free = [layer for layer in batch_norm_layers(model) if layer.trainable]
     for layer in free:
         layer.momentum = 0.0
     forward = tf.function(lambda images: model(images, training=True))
@@ -57,10 +57,13 @@ def recalibrator(model: keras.Model) -> Callable[[Callable[[], Iterable[tf.Tenso
     return recalibrate
 
 
-def calibration(batches: Iterable[tf.Tensor], pictures: int) -> list[tf.Tensor]:
+def calibration_batches(batches: Iterable[tf.Tensor], pictures: int) -> list[tf.Tensor]:
     """The first `pictures` of image batches [B, H, W, 3], in the batches that a recalibrator is fed."""
     joined = tf.concat(list(batches), axis=0)[:pictures]
-    return [joined[first : first + _BATCH] for first in range(0, len(joined), _BATCH)]
+    return [
+        joined[first : first + _CALIBRATION_BATCH_SIZE]
+        for first in range(0, len(joined), _CALIBRATION_BATCH_SIZE)
+    ]
 
 
 def _moments(layer: keras.layers.BatchNormalization) -> tuple[np.ndarray, np.ndarray]:

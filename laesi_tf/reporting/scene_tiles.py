@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 
 from laesi_tf.cli import progress
-from laesi_tf.data.ahead import read_ahead
-from laesi_tf.data.decoding import decode
-from laesi_tf.data.fitting import fit
-from laesi_tf.data.photos import Photo
+from laesi_tf.data.decoding import decode_photo
+from laesi_tf.data.letterbox import letterbox_image
+from laesi_tf.data.manifest import Photo
+from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
 from laesi_tf.overlay import FOUND, captioned, outlined, printable
 from laesi_tf.synthesis import COMPONENTS, Ranges, synthesise
@@ -133,10 +133,10 @@ def _trace_contours(mask: np.ndarray) -> list[np.ndarray]:
 def photo_tiles(photos: Sequence[Photo], size: int) -> list[np.ndarray]:
     """Real photos at the scenes' size; one that cannot be read is a blank tile that says so."""
     tiles = []
-    for photo, image in read_ahead(lambda photo: decode(photo.image), photos):
+    for photo, image in prefetch(lambda photo: decode_photo(photo.image), photos):
         name = printable(Path(photo.name).name)
         if isinstance(image, InputError):
             tiles.append(captioned(np.full((size, size, 3), 230, np.uint8), [f"cannot be read: {name}"]))
         else:
-            tiles.append(captioned(fit(image, (size, size))[0], [f"photo {name}"]))
+            tiles.append(captioned(letterbox_image(image, (size, size))[0], [f"photo {name}"]))
     return tiles

@@ -38,7 +38,7 @@ def synthesise(
     """Make picture `index` of the stream `seed`, eagerly or inside tf.data.
 
     `size` is (height, width) in pixels; `ranges` a preset's name, a TOML file or Ranges. `textures`
-    [N, T, T, 3], relative to mean 1, blends photographed leaves into C1 (see `laesi_tf.data.textures`).
+    [N, T, T, 3], relative to mean 1, blends photographed leaves into C1 (see `laesi_tf.data.leaf_textures`).
 
     Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's
     centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), `kind`

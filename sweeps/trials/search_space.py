@@ -21,7 +21,7 @@ import dataclasses
 import itertools
 from dataclasses import dataclass
 
-from laesi_tf.data.augment import AUGMENTATIONS, PAPER
+from laesi_tf.data.augmentation import AUGMENTATIONS, PAPER_AUGMENTATIONS
 
 STARTS = ("large_imagenet", "small_imagenet", "large_scratch")
 LEARNING_RATE, FINAL_LEARNING_RATE = 1e-3, 1e-9
@@ -29,7 +29,7 @@ LEARNING_RATE, FINAL_LEARNING_RATE = 1e-3, 1e-9
 
 
 def _make_augmentation_sets() -> dict[str, tuple[str, ...]]:
-    nine, seven = tuple(AUGMENTATIONS), PAPER
+    nine, seven = tuple(AUGMENTATIONS), PAPER_AUGMENTATIONS
     alone = {name: (name,) for name in nine}
     without = {f"paper_less_{left}": tuple(name for name in seven if name != left) for left in seven}
     return {"none": (), "all": nine, "paper": seven, **alone, **without}

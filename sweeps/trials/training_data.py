@@ -10,7 +10,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.cli import progress
-from laesi_tf.data import augment, synthetic
+from laesi_tf.data import augmentation, synthetic
 from laesi_tf.metrics import mre
 from sweeps.trials.budget import EVALUATION_BATCH, Budget
 
@@ -28,8 +28,8 @@ class TrainingData:
     ) -> None:
         """Make them; `made(budget, indices)` replaces the synthetic scenes of these indices."""
         count = budget.pictures
-        judged = range(synthetic.VALIDATION[0], synthetic.VALIDATION[0] + budget.validation)
-        learned = range(synthetic.TRAIN[0], synthetic.TRAIN[0] + count)
+        judged = range(synthetic.VALIDATION_INDICES[0], synthetic.VALIDATION_INDICES[0] + budget.validation)
+        learned = range(synthetic.TRAIN_INDICES[0], synthetic.TRAIN_INDICES[0] + count)
         every, targets = (made or render_scenes)(budget, [*learned, *judged])
         self._images, self._targets = every[:count], targets[:count]
         images, targets = every[count:], targets[count:]
@@ -39,13 +39,13 @@ class TrainingData:
             for first in firsts
         ]
         # Variables, so that the pipeline is traced once and serves every trial.
-        self._switches = tf.Variable(augment.switches(()))
+        self._switches = tf.Variable(augmentation.augmentation_flags(()))
         self._seed = tf.Variable(0, dtype=tf.int64)
         self._batches = self._pipeline(budget, threads)
 
     def training(self, augmentations: tuple[str, ...], seed: int) -> Iterator[Batch]:
         """The batches of a trial, one per step. Begin no other trial before this one is done with them."""
-        self._switches.assign(augment.switches(augmentations))
+        self._switches.assign(augmentation.augmentation_flags(augmentations))
         self._seed.assign(seed)
         return iter(self._batches)
 
@@ -75,7 +75,7 @@ class TrainingData:
         count = len(self._images)
         seed = tf.stack([self._seed, place // count])
         index = tf.random.experimental.index_shuffle(place % count, seed, count - 1)
-        picture = augment.augment(
+        picture = augmentation.augment_sample(
             {"image": self._images[index]},
             tf.stack([self._seed, place]),
             tf.convert_to_tensor(self._switches),
@@ -85,13 +85,13 @@ class TrainingData:
 
 def render_scenes(budget: Budget, indices: Sequence[int]) -> Batch:
     """The scenes of these indices: images uint8 [N, S, S, 3], targets float32 [N, 3]."""
-    pictures = synthetic.pictures_of(
+    pictures = synthetic.samples_of_leaves(
         tf.data.Dataset.from_tensor_slices(np.asarray(indices, np.int64)),
         seed=_SCENES_SEED,
         size=(budget.size, budget.size),
         passes=1,
     )
-    batches = synthetic.batched(pictures, task="area", batch_size=EVALUATION_BATCH)
+    batches = synthetic.batch_samples(pictures, task="area", batch_size=EVALUATION_BATCH)
     count = -(-len(indices) // EVALUATION_BATCH)
     images, targets = zip(*progress(batches, total=count, desc="pictures", unit="batch"), strict=True)
     return tf.concat(images, axis=0), tf.concat(targets, axis=0)

@@ -137,7 +137,7 @@ class TrialRunner:
     def _judged(self, learner: Learner, fed: list[tf.Tensor]) -> tuple[dict[str, np.ndarray], float, float]:
         """What the validation pictures give, and the seconds and seconds of CPU time it took."""
         begun, used = time.perf_counter(), time.process_time()
-        learner.recalibrate(lambda: batch_norm.calibration(fed, self.budget.calibration))
+        learner.recalibrate(lambda: batch_norm.calibration_batches(fed, self.budget.calibration))
         found = learner.assess(self.pictures.validation)
         return found, time.perf_counter() - begun, time.process_time() - used
 

@@ -13,8 +13,8 @@ from laesi_tf.cli import add_models, parser, positive, progress, size
 import cv2
 from PIL import Image
 
-from laesi_tf.benchmarks.spread import Spread, line
-from laesi_tf.data.decoding import decode
+from laesi_tf.benchmarks.timing import MedianIqr, format_row
+from laesi_tf.data.decoding import decode_photo
 from laesi_tf.estimators import Estimator, load_estimator
 from laesi_tf.files import require_writable, write_json
 from laesi_tf.machine import described
@@ -28,18 +28,18 @@ _SCENE_PX, _PASSES = 1600, 4
 
 def main(arguments: Sequence[str]) -> None:
     """Time to measure a photo, decoded and from its JPEG file, with the models named or those shipped."""
-    options = _options().parse_args(arguments)
+    options = _make_parser().parse_args(arguments)
     if options.json is not None:
         require_writable(options.json)
     estimator = load_estimator(options.model, mask_run=options.mask_model)
-    figures = photo_ms(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
+    figures = time_photos(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
     figures |= described()
     if options.json is not None:
         write_json(options.json, figures)
-    print(_table(figures))
+    print(_format_table(figures))
 
 
-def photo_ms(estimator: Estimator, *, seed: int, size: Size, repeats: int) -> dict[str, Any]:
+def time_photos(estimator: Estimator, *, seed: int, size: Size, repeats: int) -> dict[str, Any]:
     """Milliseconds to decode a photo of `size` and to measure it, medians over scenes, and their ranges.
 
     A scene is made at `_SCENE_PX` and enlarged: as in a phone's photo, single pixels hold nothing new.
@@ -48,18 +48,18 @@ def photo_ms(estimator: Estimator, *, seed: int, size: Size, repeats: int) -> di
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "photo.jpg"
         for index in progress(range(repeats + 1), desc="photos", unit="photo"):
-            scene = synthesise(seed, size=_reduced(size), index=index * _PASSES)["image"].numpy()
+            scene = synthesise(seed, size=_scene_size(size), index=index * _PASSES)["image"].numpy()
             enlarged = cv2.resize(scene, size[::-1], interpolation=cv2.INTER_CUBIC)
             Image.fromarray(enlarged).save(path, quality=90)
             begun = time.perf_counter()
-            image = decode(path)
+            image = decode_photo(path)
             decoded = time.perf_counter()
             measurement = estimator.measure(image)
             decoding.append((decoded - begun) * 1e3)
             measuring.append((time.perf_counter() - decoded) * 1e3)
             methods.append(measurement.method)
     # The first photo traces graphs.
-    spreads = {"decode": Spread.of(decoding[1:]), "measure": Spread.of(measuring[1:])}
+    spreads = {"decode": MedianIqr.of(decoding[1:]), "measure": MedianIqr.of(measuring[1:])}
     return {
         "megapixels": size[0] * size[1] / 1e6,
         "photos": repeats,
@@ -69,25 +69,25 @@ def photo_ms(estimator: Estimator, *, seed: int, size: Size, repeats: int) -> di
     }
 
 
-def _reduced(size: Size) -> Size:
+def _scene_size(size: Size) -> Size:
     """`size` with its longer side brought to `_SCENE_PX`, or as it is where that is less."""
     scale = min(1.0, _SCENE_PX / max(size))
     return round(size[0] * scale), round(size[1] * scale)
 
 
-def _table(figures: dict[str, Any]) -> str:
+def _format_table(figures: dict[str, Any]) -> str:
     rows = [
-        line(f"{name}, {figures['megapixels']:.1f} megapixels, ms", f"{median:.0f}", f"{iqr:.0f}")
+        format_row(f"{name}, {figures['megapixels']:.1f} megapixels, ms", f"{median:.0f}", f"{iqr:.0f}")
         for name in ("decode", "measure")
         for median, iqr in [(figures[f"{name}_ms"], figures[f"{name}_ms_iqr"])]
     ]
     machine = "{photos} photos, {machine}, {cores} cores, TensorFlow {tensorflow}, {date}".format_map(figures)
     return "\n".join(
-        [line("", "median", "IQR"), *rows, f"measured by {', '.join(figures['methods'])}", machine]
+        [format_row("", "median", "IQR"), *rows, f"measured by {', '.join(figures['methods'])}", machine]
     )
 
 
-def _options() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     made = parser("benchmark photo", main.__doc__)
     add_models(made)
     made.add_argument("--seed", type=int, default=0, help="seed of the scenes that are photographed")

@@ -1,4 +1,4 @@
-"""Reading the next pictures while the present one is measured."""
+"""Load the next items in threads while the present one is processed."""
 
 import collections
 from collections.abc import Callable, Iterable, Iterator
@@ -11,7 +11,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def read_ahead(
+def prefetch(
     read: Callable[[Item], Result], items: Iterable[Item], *, depth: int = 2
 ) -> Iterator[tuple[Item, Result | InputError]]:
     """Yield (item, read(item)) in order, with up to `depth` further items being read in threads.

@@ -9,15 +9,15 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.errors import InputError
-from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, backbone, from_file
+from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone, load_weights_file
 
 RESNET = "resnet50"
 NETWORKS = (RESNET, *BACKBONES)
-_BATCH = 32
+_BATCH_SIZE = 32
 
 
 @dataclass(frozen=True)
-class Embedding:
+class ImageEmbedder:
     """A network without its classifier, and where its weights come from."""
 
     infer: Callable[[tf.Tensor], tf.Tensor]
@@ -25,12 +25,12 @@ class Embedding:
 
     def __call__(self, images: np.ndarray) -> np.ndarray:
         """Features [N, D], of unit length, of `images` uint8 [N, H, W, 3]: means of the last feature map."""
-        batches = np.split(images, range(_BATCH, len(images), _BATCH))
+        batches = np.split(images, range(_BATCH_SIZE, len(images), _BATCH_SIZE))
         features = np.concatenate([self.infer(tf.constant(batch, tf.float32)).numpy() for batch in batches])
         return features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), 1e-12)
 
 
-def embedding(network: str, *, size: tuple[int, int], weights: str = "imagenet") -> Embedding:
+def load_embedder(network: str, *, size: tuple[int, int], weights: str = "imagenet") -> ImageEmbedder:
     """The `network` of that name, one of NETWORKS, for images of `size`.
 
     `weights` is "imagenet" (Keras's own file, downloaded once) or the path of a file. Raises InputError for
@@ -39,18 +39,18 @@ def embedding(network: str, *, size: tuple[int, int], weights: str = "imagenet")
     if weights in (FROM_SCRATCH, "auto"):
         raise InputError(f"weights {weights!r} may be those of an untrained network; use imagenet or a file")
     if network == RESNET:
-        base, origin = _resnet(size, weights)
+        base, origin = _build_resnet(size, weights)
         inputs = keras.Input((*size, 3))
         features = base(keras.applications.resnet50.preprocess_input(inputs))
     else:
-        base, origin = backbone(network, size=size, weights=weights)
+        base, origin = build_backbone(network, size=size, weights=weights)
         inputs, features = base.input, base.output
     model = keras.Model(inputs, keras.layers.GlobalAveragePooling2D()(features))
     infer = tf.function(lambda images: model(images, training=False), [tf.TensorSpec([None, *size, 3])])
-    return Embedding(infer, f"{network}, {origin}")
+    return ImageEmbedder(infer, f"{network}, {origin}")
 
 
-def _resnet(size: tuple[int, int], weights: str) -> tuple[keras.Model, str]:
+def _build_resnet(size: tuple[int, int], weights: str) -> tuple[keras.Model, str]:
     found = "imagenet" if weights == "imagenet" else None
     try:
         base = keras.applications.ResNet50(include_top=False, weights=found, input_shape=(*size, 3))
@@ -59,4 +59,4 @@ def _resnet(size: tuple[int, int], weights: str) -> tuple[keras.Model, str]:
             f"no ImageNet weights for {RESNET} ({str(error).splitlines()[0]}); "
             "pass --weights PATH of a file you have, or --network of one"
         ) from error
-    return (base, "imagenet, Keras") if found else from_file(base, Path(weights), "ResNet50")
+    return (base, "imagenet, Keras") if found else load_weights_file(base, Path(weights), "ResNet50")

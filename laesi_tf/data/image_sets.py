@@ -1,20 +1,20 @@
-"""Any set of pictures, whatever it comes as: a manifest, records, or a folder of image files."""
+"""Load the images of any set: a manifest, TFRecords, or a folder of image files."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from laesi_tf.data import records
-from laesi_tf.data.ahead import read_ahead
-from laesi_tf.data.decoding import SUFFIXES, decode
-from laesi_tf.data.fitting import fit
-from laesi_tf.data.folders import MANIFEST
-from laesi_tf.data.photos import read_manifest
+from laesi_tf.data import dataset_spec, tfrecords
+from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
+from laesi_tf.data.image_folders import MANIFEST_FILE
+from laesi_tf.data.letterbox import letterbox_image
+from laesi_tf.data.manifest import read_manifest
+from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
 
 
-def load_pictures(
+def load_images(
     path: Path, *, size: tuple[int, int], count: int, split: str | None = None
 ) -> tuple[np.ndarray, list[str], list[str]]:
     """At most `count` pictures of the set at `path`, spread evenly over it, and what they are called.
@@ -23,17 +23,17 @@ def load_pictures(
     pictures as uint8 [N, h, w, 3] at `size`, their names, and a line for each file that cannot be read; a
     `split` is one of a manifest's. Raises InputError where there is no picture.
     """
-    if path.is_dir() and not (path / MANIFEST).is_file() and _has_records(path):
+    if path.is_dir() and not (path / MANIFEST_FILE).is_file() and _has_records(path):
         _require_no_split(path, split)
-        found = _recorded(path, size, count)
+        found = _load_records(path, size, count)
         return np.stack([image for image, _ in found]), [name for _, name in found], []
-    files = _spread(_files(path, split), count)
+    files = _pick_evenly(_list_files(path, split), count)
     images, names, unread = [], [], []
-    for file, image in read_ahead(decode, files):
+    for file, image in prefetch(decode_photo, files):
         if isinstance(image, InputError):
             unread.append(str(image))
         else:
-            images.append(fit(image, size)[0])
+            images.append(letterbox_image(image, size)[0])
             names.append(file.name)
     if not images:
         raise InputError(f"{path} has no picture that can be read; name a manifest or a folder of pictures")
@@ -41,37 +41,39 @@ def load_pictures(
 
 
 def _has_records(folder: Path) -> bool:
-    return (folder / records.MANIFEST).is_file()
+    return (folder / dataset_spec.SPEC_FILE).is_file()
 
 
-def _recorded(folder: Path, size: tuple[int, int], count: int) -> list[tuple[np.ndarray, str]]:
-    contents = records.read_contents(folder)
-    chosen = set(_spread(list(range(contents.count)), count))
-    return list(_fitted(folder, size, chosen))
+def _load_records(folder: Path, size: tuple[int, int], count: int) -> list[tuple[np.ndarray, str]]:
+    contents = dataset_spec.read_spec(folder)
+    chosen = set(_pick_evenly(list(range(contents.count)), count))
+    return list(_letterbox_records(folder, size, chosen))
 
 
-def _fitted(folder: Path, size: tuple[int, int], chosen: set[int]) -> Iterator[tuple[np.ndarray, str]]:
-    for place, picture in enumerate(records.read(folder).as_numpy_iterator()):
+def _letterbox_records(
+    folder: Path, size: tuple[int, int], chosen: set[int]
+) -> Iterator[tuple[np.ndarray, str]]:
+    for place, picture in enumerate(tfrecords.read_samples(folder).as_numpy_iterator()):
         if place in chosen:
-            yield fit(picture["image"], size)[0], f"picture {picture['index']}"
+            yield letterbox_image(picture["image"], size)[0], f"picture {picture['index']}"
 
 
-def _files(path: Path, split: str | None) -> list[Path]:
-    manifest = path / MANIFEST if path.is_dir() else path
+def _list_files(path: Path, split: str | None) -> list[Path]:
+    manifest = path / MANIFEST_FILE if path.is_dir() else path
     if manifest.is_file():
         return [photo.image for photo in read_manifest(manifest, split=split)]
     if not path.is_dir():
         raise InputError(f"no pictures at {path}; name a manifest or a folder")
     _require_no_split(path, split)
-    return sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES)
+    return sorted(file for file in path.rglob("*") if file.suffix.lower() in PHOTO_SUFFIXES)
 
 
 def _require_no_split(path: Path, split: str | None) -> None:
     if split is not None:
-        raise InputError(f"{path} has no {MANIFEST}, which is what would name a split")
+        raise InputError(f"{path} has no {MANIFEST_FILE}, which is what would name a split")
 
 
-def _spread(items: list, count: int) -> list:
+def _pick_evenly(items: list, count: int) -> list:
     """At most `count` of `items`, evenly spread."""
     if len(items) <= count:
         return items

@@ -25,7 +25,7 @@ _FACTOR_WEIGHT = 0.5
 _TYPICAL_VIEW_MM = 150.0
 
 
-def area_model(base: keras.Model, *, transform: str) -> keras.Model:
+def build_area_network(base: keras.Model, *, transform: str) -> keras.Model:
     """Regression on `base`: [B, H, W, 3] of 0..255 -> [B, 3].
 
     Column 0 is the area in transformed units, 1 the logarithm of the scale in pixels per mm at the leaf, 2
@@ -42,7 +42,7 @@ def area_model(base: keras.Model, *, transform: str) -> keras.Model:
     twice = keras.layers.Rescaling(-2.0, name="inverse_square")(scale)
     deviation = keras.layers.Add(name="deviation")([share, twice, rest])
     transformed = keras.layers.Rescaling(
-        relative_unit(transform), offset=_typical(transform), name="transformed_area"
+        relative_error_unit(transform), offset=_typical_target(transform), name="transformed_area"
     )(deviation)
     typical_scale, typical_share = _typical_factors(base.input.shape[1:3])
     log_scale = keras.layers.Rescaling(1.0, offset=math.log(typical_scale), name="log_px_per_mm")(scale)
@@ -57,7 +57,7 @@ def _typical_factors(size: tuple[int, int]) -> tuple[float, float]:
     return scale, TYPICAL_AREA_CM2 * 100 * scale**2 / (size[0] * size[1])
 
 
-def to_target(area_cm2: tf.Tensor, transform: str) -> tf.Tensor:
+def transform_area(area_cm2: tf.Tensor, transform: str) -> tf.Tensor:
     """Transform areas in cm2, any shape: log makes errors relative, sqrt is in a note of the paper."""
     if transform == "log":
         return tf.math.log(area_cm2)
@@ -77,7 +77,7 @@ def to_area_cm2(output: Any, transform: str) -> NDArray[np.float64]:
     return np.clip(values, SMALLEST_CM2, LARGEST_CM2)
 
 
-def relative_unit(transform: str) -> float:
+def relative_error_unit(transform: str) -> float:
     """d target / d ln area at a typical leaf: what a relative error of 1 amounts to in transformed units."""
     return {"log": 1.0, "sqrt": 0.5 * TYPICAL_AREA_CM2**0.5, "none": TYPICAL_AREA_CM2}[transform]
 
@@ -90,15 +90,15 @@ def area_loss(output: tf.Tensor, target: tf.Tensor, *, transform: str, loss: str
     factors count half as much as the area (the scale by its square, as in the area); unknown ones are NaN and
     do not count.
     """
-    area_error = (output[:, 0] - to_target(target[:, 0], transform)) / relative_unit(transform)
+    area_error = (output[:, 0] - transform_area(target[:, 0], transform)) / relative_error_unit(transform)
     known = tf.math.is_finite(target[:, 1:])
     factors = tf.math.log(tf.where(known, target[:, 1:], 1.0))
     factor_errors = tf.where(known, output[:, 1:] - factors, 0.0) * tf.constant([2.0, 1.0])
-    of_factors = tf.reduce_sum(_penalty(factor_errors, loss), axis=1)
-    return tf.reduce_mean(_penalty(area_error, loss) + _FACTOR_WEIGHT * of_factors)
+    of_factors = tf.reduce_sum(_elementwise_loss(factor_errors, loss), axis=1)
+    return tf.reduce_mean(_elementwise_loss(area_error, loss) + _FACTOR_WEIGHT * of_factors)
 
 
-def _penalty(error: tf.Tensor, loss: str) -> tf.Tensor:
+def _elementwise_loss(error: tf.Tensor, loss: str) -> tf.Tensor:
     size = tf.abs(error)
     if loss == "l1":
         return size
@@ -108,5 +108,5 @@ def _penalty(error: tf.Tensor, loss: str) -> tf.Tensor:
     return bent * (size - 0.5 * bent) / _HUBER_BEND
 
 
-def _typical(transform: str) -> float:
-    return float(to_target(tf.constant(TYPICAL_AREA_CM2), transform))
+def _typical_target(transform: str) -> float:
+    return float(transform_area(tf.constant(TYPICAL_AREA_CM2), transform))

@@ -1,4 +1,4 @@
-"""How alike pictures are, from their features [N, D] of unit length: scores, and charts of them."""
+"""Plot how similar two sets of images are: violins of cosines and a UMAP of the features."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,26 +15,7 @@ _NEIGHBOURS = 15
 """The size of the neighbourhoods that the map keeps together: umap-learn's own default."""
 
 
-def nearest(features: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
-    """Cosine [N] of each picture to the most similar of `others`, or to the most similar other of its own."""
-    cosines = features @ (features if others is None else others).T
-    if others is None:
-        np.fill_diagonal(cosines, -np.inf)
-    return cosines.max(axis=1)
-
-
-def closest_pairs(cosines: np.ndarray, count: int) -> list[tuple[int, int, float]]:
-    """The `count` largest of `cosines` [N, M] as (row, column, cosine), each row in one pair at most.
-
-    A picture that resembles many would otherwise be all that one sees.
-    """
-    partners = cosines.argmax(axis=1)
-    best = cosines[np.arange(len(cosines)), partners]
-    order = np.argsort(-best, kind="stable")[:count]
-    return [(int(row), int(partners[row]), float(best[row])) for row in order]
-
-
-def chart_violins(path: Path, scores: Mapping[str, np.ndarray], *, title: str) -> None:
+def plot_violins(path: Path, scores: Mapping[str, np.ndarray], *, title: str) -> None:
     """Write a PNG of the distributions of `scores`, one violin for each (paper, "Results")."""
     figure = Figure(figsize=(8, 5), layout="constrained")
     axes = figure.subplots()
@@ -45,7 +26,7 @@ def chart_violins(path: Path, scores: Mapping[str, np.ndarray], *, title: str) -
     write_figure(path, figure)
 
 
-def require_umap() -> ModuleType:
+def import_umap() -> ModuleType:
     """The package umap. Raises InputError where umap-learn is not installed."""
     try:
         import umap
@@ -56,12 +37,12 @@ def require_umap() -> ModuleType:
     return umap
 
 
-def chart_umap(path: Path, features: Mapping[str, np.ndarray], *, title: str) -> None:
+def plot_umap(path: Path, features: Mapping[str, np.ndarray], *, title: str) -> None:
     """Write a PNG of both sets in the plane that UMAP (McInnes et al., 2018) finds for them together.
 
     Raises InputError where umap-learn is not installed.
     """
-    umap = require_umap()
+    umap = import_umap()
     together = np.concatenate(list(features.values()))
     neighbours = min(_NEIGHBOURS, len(together) - 1)
     # A spectral start needs more pictures than it has dimensions; so few are laid out from anywhere.

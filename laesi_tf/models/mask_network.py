@@ -3,13 +3,13 @@
 import keras
 import tensorflow as tf
 
-from laesi_tf.models.backbone import deepest_at
+from laesi_tf.models.backbone import features_at_stride
 
 LOSSES = ("bce_dice", "bce")
-_CHANNELS = 128
+_HEAD_CHANNELS = 128
 
 
-def mask_model(base: keras.Model) -> keras.Model:
+def build_mask_network(base: keras.Model) -> keras.Model:
     """LR-ASPP on `base`: [B, H, W, 3] of 0..255 -> [B, H, W, 1], the probability that a pixel is leaf.
 
     Features are taken where a stride ends: 1/16 for meaning, 1/8 for detail, and 1/4, which the paper's head
@@ -19,25 +19,25 @@ def mask_model(base: keras.Model) -> keras.Model:
     The paper's 49x49 pooling of a 64x128 grid is global here: the grid of a 224 px picture is 14x14.
     """
     size = base.input_shape[1:3]
-    deep, detail, margin = (deepest_at(base, stride) for stride in (16, 8, 4))
-    features = keras.layers.Conv2D(_CHANNELS, 1, use_bias=False, name="head_conv")(deep)
+    deep, detail, margin = (features_at_stride(base, stride) for stride in (16, 8, 4))
+    features = keras.layers.Conv2D(_HEAD_CHANNELS, 1, use_bias=False, name="head_conv")(deep)
     features = keras.layers.BatchNormalization(name="head_bn")(features)
     features = keras.layers.ReLU(name="head_relu")(features)
     gate = keras.layers.GlobalAveragePooling2D(keepdims=True, name="gate_pool")(deep)
-    gate = keras.layers.Conv2D(_CHANNELS, 1, use_bias=False, activation="sigmoid", name="gate")(gate)
+    gate = keras.layers.Conv2D(_HEAD_CHANNELS, 1, use_bias=False, activation="sigmoid", name="gate")(gate)
     gated = keras.layers.Multiply(name="gated")([features, gate])
-    gated = _resized(gated, detail.shape[1:3], "to_eighth")
+    gated = _resize(gated, detail.shape[1:3], "to_eighth")
     logits = keras.layers.Add(name="logits")(
         [
             keras.layers.Conv2D(1, 1, name="from_gated")(gated),
             keras.layers.Conv2D(1, 1, name="from_detail")(detail),
         ]
     )
-    logits = _resized(logits, margin.shape[1:3], "to_quarter")
+    logits = _resize(logits, margin.shape[1:3], "to_quarter")
     logits = keras.layers.Add(name="sharper_logits")(
         [logits, keras.layers.Conv2D(1, 1, name="from_margin")(margin)]
     )
-    output = keras.layers.Activation("sigmoid", name="leaf")(_resized(logits, size, "to_input"))
+    output = keras.layers.Activation("sigmoid", name="leaf")(_resize(logits, size, "to_input"))
     return keras.Model(base.input, output, name="mask")
 
 
@@ -58,5 +58,5 @@ def mask_loss(output: tf.Tensor, mask: tf.Tensor, *, loss: str) -> tf.Tensor:
     return crossed + tf.reduce_mean(1.0 - (2.0 * overlap + 1.0) / (total + 1.0))
 
 
-def _resized(features: keras.KerasTensor, size: tuple[int, int], name: str) -> keras.KerasTensor:
+def _resize(features: keras.KerasTensor, size: tuple[int, int], name: str) -> keras.KerasTensor:
     return keras.layers.Resizing(*size, interpolation="bilinear", name=name)(features)

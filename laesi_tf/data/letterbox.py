@@ -18,7 +18,7 @@ from PIL import Image
 
 
 @dataclass(frozen=True, kw_only=True)
-class Placement:
+class Letterbox:
     """Where a photo lies in a network's input; all sizes and offsets in pixels."""
 
     photo_size: tuple[int, int]
@@ -42,26 +42,26 @@ class Placement:
         return cv2.resize(inside, self.photo_size[::-1], interpolation=cv2.INTER_LINEAR)
 
 
-def place(photo_size: tuple[int, int], input_size: tuple[int, int]) -> Placement:
+def compute_letterbox(photo_size: tuple[int, int], input_size: tuple[int, int]) -> Letterbox:
     """The largest centred placement of a photo in an input, both (height, width), that crops nothing."""
     scale = min(inner / outer for inner, outer in zip(input_size, photo_size, strict=True))
     height, width = (max(1, round(side * scale)) for side in photo_size)
     offset = ((input_size[0] - height) // 2, (input_size[1] - width) // 2)
-    return Placement(photo_size=photo_size, input_size=input_size, offset=offset, extent=(height, width))
+    return Letterbox(photo_size=photo_size, input_size=input_size, offset=offset, extent=(height, width))
 
 
-def fit(image: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, Placement]:
+def letterbox_image(image: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, Letterbox]:
     """Bring `image`, uint8 [H, W, 3], into `size` (h, w): uint8 [h, w, 3] and where the photo lies in it."""
-    placement = place((image.shape[0], image.shape[1]), size)
+    placement = compute_letterbox((image.shape[0], image.shape[1]), size)
     small = _resize(image, placement.extent)
-    return _fill(small, placement, _border_colour(small)), placement
+    return _pad(small, placement, _border_median(small)), placement
 
 
-def fit_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def letterbox_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """Bring `mask`, bool [H, W], into `size` as `fit` does: uint8 [h, w], 1 where half a pixel is leaf."""
-    placement = place((mask.shape[0], mask.shape[1]), size)
+    placement = compute_letterbox((mask.shape[0], mask.shape[1]), size)
     covered = _resize(mask.astype(np.float32), placement.extent) >= 0.5
-    return _fill(covered.astype(np.uint8), placement, np.uint8(0))
+    return _pad(covered.astype(np.uint8), placement, np.uint8(0))
 
 
 def _resize(image: np.ndarray, extent: tuple[int, int]) -> np.ndarray:
@@ -69,12 +69,12 @@ def _resize(image: np.ndarray, extent: tuple[int, int]) -> np.ndarray:
     return np.array(resized)
 
 
-def _border_colour(image: np.ndarray) -> np.ndarray:
+def _border_median(image: np.ndarray) -> np.ndarray:
     border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
     return np.median(border, axis=0).astype(np.uint8)
 
 
-def _fill(image: np.ndarray, placement: Placement, colour: np.ndarray | np.uint8) -> np.ndarray:
+def _pad(image: np.ndarray, placement: Letterbox, colour: np.ndarray | np.uint8) -> np.ndarray:
     if placement.extent == placement.input_size:
         return image
     filled = np.empty((*placement.input_size, *image.shape[2:]), image.dtype)

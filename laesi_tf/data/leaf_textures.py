@@ -11,8 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from laesi_tf.data.ahead import read_ahead
-from laesi_tf.data.decoding import SUFFIXES, decode
+from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
+from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
 
 # Beyond these a picture shows a hole or a glint rather than skin.
@@ -29,7 +29,9 @@ def load_textures(folder: Path | str, *, side: int = 256, limit: int = 256) -> n
     InputError for a folder that is missing or has no photo that can be used.
     """
     folder = Path(folder)
-    results = list(read_ahead(lambda path: _relief(decode(path), path, side), _photographs(folder, limit)))
+    results = list(
+        prefetch(lambda path: _extract_relief(decode_photo(path), path, side), _list_photos(folder, limit))
+    )
     bad = [result for _, result in results if isinstance(result, InputError)]
     reliefs = [result for _, result in results if not isinstance(result, InputError)]
     if not reliefs:
@@ -39,9 +41,9 @@ def load_textures(folder: Path | str, *, side: int = 256, limit: int = 256) -> n
     return np.stack(reliefs)
 
 
-def _photographs(folder: Path, limit: int) -> list[Path]:
+def _list_photos(folder: Path, limit: int) -> list[Path]:
     try:
-        found = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+        found = sorted(path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES)
     except OSError as error:
         raise InputError(f"cannot read textures from {folder}: {error.strerror}; name a folder") from None
     if not found:
@@ -49,9 +51,9 @@ def _photographs(folder: Path, limit: int) -> list[Path]:
     return list(itertools.islice(found, limit))
 
 
-def _relief(image: np.ndarray, path: Path, side: int) -> np.ndarray:
+def _extract_relief(image: np.ndarray, path: Path, side: int) -> np.ndarray:
     """Relief float32 [side, side, 3] of the leaf on `image`, uint8 [H, W, 3]; InputError without one."""
-    top, left, length = _square(image)
+    top, left, length = _find_largest_leaf_square(image)
     if length < _SMALLEST_PX:
         raise InputError(
             f"{path} shows no leaf {_SMALLEST_PX} pixels across; crop it so that a leaf fills the picture"
@@ -67,11 +69,11 @@ def _relief(image: np.ndarray, path: Path, side: int) -> np.ndarray:
     return np.clip(relief, DARKEST, BRIGHTEST)
 
 
-def _square(image: np.ndarray) -> tuple[int, int, int]:
+def _find_largest_leaf_square(image: np.ndarray) -> tuple[int, int, int]:
     """Top, left and side in pixels of the largest upright square of leaf on `image` [H, W, 3]."""
     scale = min(1.0, _SEARCH_PX / max(image.shape[:2]))
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    leaf = np.pad(_leaf_like(small).astype(np.uint8), 1)
+    leaf = np.pad(_segment_leaf_by_colour(small).astype(np.uint8), 1)
     # In the chessboard metric the farthest point from all background is the largest square's middle.
     reach = cv2.distanceTransform(leaf, cv2.DIST_C, 3)
     row, column = np.unravel_index(np.argmax(reach), reach.shape)
@@ -81,16 +83,16 @@ def _square(image: np.ndarray) -> tuple[int, int, int]:
     return top, left, min(int((2 * half + 1) / scale), image.shape[0] - top, image.shape[1] - left)
 
 
-def _leaf_like(image: np.ndarray) -> np.ndarray:
+def _segment_leaf_by_colour(image: np.ndarray) -> np.ndarray:
     """bool [H, W]: of a hue from red over yellow to green, and more saturated than what it lies on."""
     hue, saturation, value = cv2.split(cv2.cvtColor(image, cv2.COLOR_RGB2HSV))
     plausible = (hue < 90) | (hue > 165)
-    like = (plausible & (saturation > _least_saturation(saturation)) & (value > 25)).astype(np.uint8)
+    like = (plausible & (saturation > _saturation_threshold(saturation)) & (value > 25)).astype(np.uint8)
     # Pores, veins and glints do not part a leaf.
     return cv2.morphologyEx(like, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8)) > 0
 
 
-def _least_saturation(saturation: np.ndarray) -> float:
+def _saturation_threshold(saturation: np.ndarray) -> float:
     """Saturation 0..255 that tells leaf from ground: between the two where they are apart, else low."""
     between, _ = cv2.threshold(saturation, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     high = saturation > between

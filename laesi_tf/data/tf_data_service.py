@@ -12,40 +12,40 @@ from typing import Any
 
 import tensorflow as tf
 
-from laesi_tf.data.synthetic import TRAIN
+from laesi_tf.data.synthetic import TRAIN_INDICES
 from laesi_tf.errors import InputError
 
 Batch = tuple[tf.Tensor, Any]
-Make = Callable[[tf.data.Dataset], tf.data.Dataset]
+MakeExamples = Callable[[tf.data.Dataset], tf.data.Dataset]
 """From the places of pictures in a stream, int64 [], whole batches of them, to (place, (image, target)), in
 the same order."""
 
-_PATIENCE = 24
+_MAX_EARLY_BATCHES = 24
 """Batches that may overtake one before it counts as lost: more than workers have in hand between them."""
-_SECONDS = 5.0
+_CONNECT_TIMEOUT_S = 5.0
 
 
-def served(make: Make, address: str, *, batch_size: int, start: int) -> Iterator[Batch]:
+def receive_batches(make: MakeExamples, address: str, *, batch_size: int, start: int) -> Iterator[Batch]:
     """Batches from the dispatcher at `address` (HOST:PORT) of the stream that `make` makes, without end.
 
     The first picture is `start`, a multiple of `batch_size`. Raises InputError where nobody answers.
     """
-    _require_answer(address)
-    blocks = tf.data.Dataset.range(start // batch_size, TRAIN[1] // batch_size)
+    check_reachable(address)
+    blocks = tf.data.Dataset.range(start // batch_size, TRAIN_INDICES[1] // batch_size)
     spread = tf.data.experimental.service.distribute(
         processing_mode=tf.data.experimental.service.ShardingPolicy.DYNAMIC,
         service=f"grpc://{address}",
         compression=None,  # sensor noise does not compress
     )
-    numbered = _batches(make, blocks, batch_size).apply(spread)
-    return in_order(
+    numbered = _number_batches(make, blocks, batch_size).apply(spread)
+    return reorder_batches(
         ((int(block), batch) for block, batch in numbered),
         start // batch_size,
-        lambda block: _made_here(make, block, batch_size),
+        lambda block: _render_lost_batch(make, block, batch_size),
     )
 
 
-def in_order(
+def reorder_batches(
     arriving: Iterator[tuple[int, Batch]], first: int, fill: Callable[[int], Batch]
 ) -> Iterator[Batch]:
     """The batches of `arriving` (number, batch) by number, from `first`; those that are lost by `fill`."""
@@ -53,12 +53,12 @@ def in_order(
     for number, batch in arriving:
         if number >= first:  # what was given up and comes after all is too late
             waiting[number] = batch
-        while first in waiting or len(waiting) > _PATIENCE:
+        while first in waiting or len(waiting) > _MAX_EARLY_BATCHES:
             yield waiting.pop(first) if first in waiting else fill(first)
             first += 1
 
 
-def _batches(make: Make, blocks: tf.data.Dataset, batch_size: int) -> tf.data.Dataset:
+def _number_batches(make: MakeExamples, blocks: tf.data.Dataset, batch_size: int) -> tf.data.Dataset:
     """(number, (image [B, H, W, 3], target)) of each of `blocks`."""
 
     def places(block: tf.Tensor) -> tf.data.Dataset:
@@ -68,17 +68,17 @@ def _batches(make: Make, blocks: tf.data.Dataset, batch_size: int) -> tf.data.Da
     return examples.map(lambda place, batch: (place[0] // batch_size, batch))
 
 
-def _made_here(make: Make, block: int, batch_size: int) -> Batch:
-    _, batch = next(iter(_batches(make, tf.data.Dataset.range(block, block + 1), batch_size)))
+def _render_lost_batch(make: MakeExamples, block: int, batch_size: int) -> Batch:
+    _, batch = next(iter(_number_batches(make, tf.data.Dataset.range(block, block + 1), batch_size)))
     return batch
 
 
-def _require_answer(address: str) -> None:
+def check_reachable(address: str) -> None:
     host, separator, port = address.rpartition(":")
     if not separator or not port.isdigit():
         raise InputError(f"data service {address!r} is not HOST:PORT")
     try:
-        socket.create_connection((host, int(port)), timeout=_SECONDS).close()
+        socket.create_connection((host, int(port)), timeout=_CONNECT_TIMEOUT_S).close()
     except OSError as error:
         raise InputError(
             f"no data service answers at {address} ({error}); start one with python -m laesi_tf.serve"

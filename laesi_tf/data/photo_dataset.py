@@ -11,15 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.data.ahead import read_ahead
-from laesi_tf.data.decoding import decode, decode_mask
-from laesi_tf.data.fitting import fit, fit_mask
-from laesi_tf.data.photos import Photo
+from laesi_tf.data.decoding import decode_mask, decode_photo
+from laesi_tf.data.letterbox import letterbox_image, letterbox_mask
+from laesi_tf.data.manifest import Photo
+from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
 
 
 @dataclass(frozen=True)
-class Skipped:
+class SkippedPhoto:
     """A photo that could not be used, by the name the user knows it by, and why."""
 
     name: str
@@ -27,31 +27,35 @@ class Skipped:
 
 
 @dataclass(frozen=True)
-class Pictures:
+class IndexedSamples:
     """`count` pictures; `at` makes the one at an index, int64 [], and works in a graph."""
 
     count: int
     at: Callable[[tf.Tensor], dict[str, tf.Tensor]]
 
 
-def held(photos: Sequence[Photo], *, size: tuple[int, int], masked: bool) -> tuple[Pictures, list[Skipped]]:
+def load_into_memory(
+    photos: Sequence[Photo], *, size: tuple[int, int], masked: bool
+) -> tuple[IndexedSamples, list[SkippedPhoto]]:
     """The usable photos, decoded once, now, and kept at `size` (200 kB each at 224 x 224), and the others.
 
     With `masked`, photos without a mask are of no use. Raises InputError when none is usable.
     """
-    results = list(read_ahead(lambda photo: read(photo, size=size, masked=masked), photos))
+    results = list(prefetch(lambda photo: load_sample(photo, size=size, masked=masked), photos))
     skipped = [
-        Skipped(photo.name, str(result)) for photo, result in results if isinstance(result, InputError)
+        SkippedPhoto(photo.name, str(result)) for photo, result in results if isinstance(result, InputError)
     ]
     usable = [result for _, result in results if not isinstance(result, InputError)]
     if not usable:
         raise InputError(f"none of the {len(photos)} photos can be used; first: {skipped[0].reason}")
     columns = {name: tf.constant(np.stack([picture[name] for picture in usable])) for name in usable[0]}
-    pictures = Pictures(len(usable), lambda index: {name: column[index] for name, column in columns.items()})
+    pictures = IndexedSamples(
+        len(usable), lambda index: {name: column[index] for name, column in columns.items()}
+    )
     return pictures, skipped
 
 
-def streamed(photos: Sequence[Photo], *, size: tuple[int, int], masked: bool) -> Pictures:
+def stream_from_disk(photos: Sequence[Photo], *, size: tuple[int, int], masked: bool) -> IndexedSamples:
     """Every photo, decoded each time it is asked for. One that cannot be used gives way to the next that can.
 
     Raises InputError when none can; from within a dataset as an error of TensorFlow's that quotes it.
@@ -63,7 +67,7 @@ def streamed(photos: Sequence[Photo], *, size: tuple[int, int], masked: bool) ->
         reason = ""
         for offset in range(len(photos)):
             try:
-                picture = read(photos[(int(index) + offset) % len(photos)], size=size, masked=masked)
+                picture = load_sample(photos[(int(index) + offset) % len(photos)], size=size, masked=masked)
                 return [picture[name] for name in types]
             except InputError as error:
                 reason = reason or str(error)
@@ -73,18 +77,20 @@ def streamed(photos: Sequence[Photo], *, size: tuple[int, int], masked: bool) ->
         values = tf.numpy_function(usable, [index], list(types.values()), stateful=False)
         return {name: tf.ensure_shape(value, shapes[name]) for name, value in zip(types, values, strict=True)}
 
-    return Pictures(len(photos), at)
+    return IndexedSamples(len(photos), at)
 
 
-def read(photo: Photo, *, size: tuple[int, int], masked: bool) -> dict[str, np.ndarray]:
+def load_sample(photo: Photo, *, size: tuple[int, int], masked: bool) -> dict[str, np.ndarray]:
     """The picture of one photo. Raises InputError, with `masked` also for a photo without a mask."""
     if masked and photo.mask is None:
         raise InputError(f"{photo.name} has no mask in its manifest; add one to train on masks")
-    image, placement = fit(decode(photo.image), size)
+    image, placement = letterbox_image(decode_photo(photo.image), size)
     scale = math.nan if photo.px_per_mm is None else photo.px_per_mm * math.sqrt(math.prod(placement.scale))
     return {
         "image": image,
-        "mask": np.zeros(size, np.uint8) if photo.mask is None else fit_mask(decode_mask(photo.mask), size),
+        "mask": np.zeros(size, np.uint8)
+        if photo.mask is None
+        else letterbox_mask(decode_mask(photo.mask), size),
         "area_cm2": np.array(photo.area_cm2, np.float32),
         "px_per_mm": np.array(scale, np.float32),
     }

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import TextIO
 
-from laesi_tf.data.decoding import upright_size
+from laesi_tf.data.decoding import read_upright_size
 from laesi_tf.errors import InputError
 
 
@@ -45,7 +45,7 @@ def read_manifest(path: Path | str, *, split: str | None = None) -> list[Photo]:
     try:
         # utf-8-sig: Excel writes a byte order mark before the first column's name.
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(_rows(path, file))
+            rows = list(_parse_rows(path, file))
     except InputError:
         raise
     except OSError as error:
@@ -55,10 +55,10 @@ def read_manifest(path: Path | str, *, split: str | None = None) -> list[Photo]:
     except (csv.Error, ValueError) as error:
         raise InputError(f"manifest {path} is not a CSV file ({error}); save it as 'CSV UTF-8'") from None
     _require_distinct(path, rows)
-    return _chosen(path, [photo for _, photo in rows], split)
+    return _select_split(path, [photo for _, photo in rows], split)
 
 
-def _rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:
+def _parse_rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:
     """Yield (line number, photo) for every row of the manifest."""
     header = file.readline()
     # Where the comma is the decimal mark, Excel separates by semicolons.
@@ -83,26 +83,26 @@ def _rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:
             )
         cells = {key: (value or "").strip() for key, value in row.items() if isinstance(value, str | None)}
         if not comma:
-            cells = {key: _decimal_point(key, value) for key, value in cells.items()}
+            cells = {key: _use_decimal_point(key, value) for key, value in cells.items()}
         if any(cells.values()):
-            yield reader.line_num, _photo(path.parent, cells, where)
+            yield reader.line_num, _parse_photo(path.parent, cells, where)
 
 
-_NUMBERS = ("area_cm2", "px_per_mm", "grid_mm")
+_NUMBER_COLUMNS = ("area_cm2", "px_per_mm", "grid_mm")
 
 
-def _decimal_point(column: str, value: str) -> str:
-    return value.replace(",", ".") if column in _NUMBERS else value
+def _use_decimal_point(column: str, value: str) -> str:
+    return value.replace(",", ".") if column in _NUMBER_COLUMNS else value
 
 
-def _photo(folder: Path, cells: Mapping[str, str], where: str) -> Photo:
+def _parse_photo(folder: Path, cells: Mapping[str, str], where: str) -> Photo:
     photo = Photo(
         name=cells["image"],
-        image=_inside(folder, cells["image"], where, "image"),
-        area_cm2=_positive(cells["area_cm2"], where, "area_cm2"),
-        mask=_inside(folder, cells["mask"], where, "mask") if cells.get("mask") else None,
-        px_per_mm=_positive(cells["px_per_mm"], where, "px_per_mm") if cells.get("px_per_mm") else None,
-        grid_mm=_positive(cells["grid_mm"], where, "grid_mm") if cells.get("grid_mm") else 1.0,
+        image=_resolve_inside(folder, cells["image"], where, "image"),
+        area_cm2=_parse_positive(cells["area_cm2"], where, "area_cm2"),
+        mask=_resolve_inside(folder, cells["mask"], where, "mask") if cells.get("mask") else None,
+        px_per_mm=_parse_positive(cells["px_per_mm"], where, "px_per_mm") if cells.get("px_per_mm") else None,
+        grid_mm=_parse_positive(cells["grid_mm"], where, "grid_mm") if cells.get("grid_mm") else 1.0,
         split=cells.get("split") or None,
         subset=cells.get("subset") or None,
         species=cells.get("species") or None,
@@ -111,7 +111,7 @@ def _photo(folder: Path, cells: Mapping[str, str], where: str) -> Photo:
     return photo
 
 
-def _positive(text: str, where: str, column: str) -> float:
+def _parse_positive(text: str, where: str, column: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -121,7 +121,7 @@ def _positive(text: str, where: str, column: str) -> float:
     return value
 
 
-def _inside(folder: Path, text: str, where: str, column: str) -> Path:
+def _resolve_inside(folder: Path, text: str, where: str, column: str) -> Path:
     """The file that `text` names below `folder`; links are followed before it is judged."""
     if not text or "\0" in text:
         raise InputError(f"{where}: {column} is not a path; name a file relative to the manifest")
@@ -141,7 +141,7 @@ def _require_same_size(photo: Photo, where: str) -> None:
     if photo.mask is None:
         return
     try:
-        image, mask = upright_size(photo.image), upright_size(photo.mask)
+        image, mask = read_upright_size(photo.image), read_upright_size(photo.mask)
     except InputError:
         return  # Damaged: named and skipped where it is decoded, so that the other photos count.
     if image != mask:
@@ -161,7 +161,7 @@ def _require_distinct(path: Path, rows: Sequence[tuple[int, Photo]]) -> None:
             )
 
 
-def _chosen(path: Path, photos: list[Photo], split: str | None) -> list[Photo]:
+def _select_split(path: Path, photos: list[Photo], split: str | None) -> list[Photo]:
     if not photos:
         raise InputError(f"manifest {path} lists no photo; add a line for each")
     if split is None:

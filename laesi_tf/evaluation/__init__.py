@@ -1,0 +1,1 @@
+"""Scores of measurements and similarity of image sets."""
