@@ -4,8 +4,8 @@ import keras
 import numpy as np
 
 from laesi_tf.data.letterbox import letterbox_image
-from laesi_tf.estimators.base import NOTHING, Known, Measurement
-from laesi_tf.estimators.network import compiled
+from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo
+from laesi_tf.models.inference import compile_inference
 
 METHOD = "mask network"
 
@@ -16,9 +16,9 @@ class MaskOnlyEstimator:
     def __init__(self, model: keras.Model, size: tuple[int, int]) -> None:
         """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1]; `size` is (h, w)."""
         self._size = size
-        self._predict = compiled(model, size)
+        self._predict = compile_inference(model, size)
 
-    def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
+    def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
         """As `Estimator.measure`: leaf is where the network, stretched to the photo, says so by half."""
         small, placement = letterbox_image(image, self._size)
         leaf = placement.to_photo(self._predict(small[np.newaxis])[0, ..., 0])

@@ -16,10 +16,12 @@ from laesi_tf import runs
 from laesi_tf.config import TrainConfig
 from laesi_tf.data.synthetic import TaskName
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import Estimator, Regression, RuleBased
+from laesi_tf.estimators.area_estimator import AreaEstimator
+from laesi_tf.estimators.base import Estimator
+from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
+from laesi_tf.evaluation.photo_scores import score_photos, summarise
 from laesi_tf.files import read_json, write_json
 from laesi_tf.runs import Run, load_run
-from laesi_tf.scoring import evaluate, summarise
 from laesi_tf.training import fit
 
 _EVALUATED_SPLITS = ("val", "test")
@@ -81,7 +83,7 @@ class ExperimentRunner:
 
     def _by_rules(self, trial: Job) -> Metrics:
         scenes = datasets.generate_square_photos(trial, self.sets, scale=self.scale)
-        found = summarise(evaluate(RuleBased(), scenes))
+        found = summarise(score_photos(EasyLeafArea(), scenes))
         return dict.fromkeys(_EVALUATED_SPLITS, found)
 
     def _trained(self, trial: Job) -> Metrics:
@@ -98,7 +100,7 @@ class ExperimentRunner:
         )
         estimator = _make_estimator(load_run(result.path))
         found: dict[str, Any] = {
-            name: summarise(evaluate(estimator, splits[name])) for name in _EVALUATED_SPLITS
+            name: summarise(score_photos(estimator, splits[name])) for name in _EVALUATED_SPLITS
         }
         # Two dozen networks with their graphs would fill the memory.
         keras.utils.clear_session()
@@ -108,4 +110,4 @@ class ExperimentRunner:
 def _make_estimator(run: Run) -> Estimator:
     if run.config.task == "mask":
         return MaskOnlyEstimator(run.model, run.config.size)
-    return Regression(run.model, run.config.size, run.config.transform)
+    return AreaEstimator(run.model, run.config.size, run.config.transform)

@@ -12,12 +12,23 @@ from pathlib import Path
 import numpy as np
 
 from laesi_tf.cli import add_models, parser, run
+from laesi_tf.common.geometry import trace_largest_contour
+from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.manifest import read_manifest
-from laesi_tf.estimators import Estimator, load_estimator
-from laesi_tf.estimators.base import trace
+from laesi_tf.estimators.base import Estimator
+from laesi_tf.estimators.factory import load_estimator
+from laesi_tf.evaluation.photo_scores import (
+    PhotoScore,
+    group_by_subset,
+    load_photo_and_mask,
+    photo_info,
+    score_photos,
+    sort_worst_first,
+    summarise,
+)
 from laesi_tf.files import require_writable, write_csv, write_json
-from laesi_tf.overlay import FOUND, TRUE, captioned, outlined, printable, sheet, write_png
-from laesi_tf.scoring import Score, evaluate, known, rank, read, subsets, summarise
+from laesi_tf.reporting.captions import add_caption, make_contact_sheet
+from laesi_tf.reporting.overlay import PREDICTED_COLOUR, TRUE_COLOUR, draw_outlines, write_png
 
 WORST = 12
 _TILE = 420
@@ -34,17 +45,17 @@ def main(arguments: Sequence[str]) -> None:
     for path in (table, worst, options.json):
         if path is not None:
             require_writable(path)
-    scores = evaluate(estimator, photos)
-    summaries = {name: summarise(group) for name, group in subsets(scores).items()}
+    scores = score_photos(estimator, photos)
+    summaries = {name: summarise(group) for name, group in group_by_subset(scores).items()}
     _write_table(table, scores)
     written = [table]
-    if ranked := rank(scores)[:WORST]:
-        write_png(worst, sheet([_tile(estimator, score) for score in ranked]))
+    if ranked := sort_worst_first(scores)[:WORST]:
+        write_png(worst, make_contact_sheet([_tile(estimator, score) for score in ranked]))
         written.append(worst)
     if options.json is not None:
         write_json(options.json, summaries)
     _report(scores, summaries)
-    print("written:", ", ".join(printable(path) for path in written))
+    print("written:", ", ".join(sanitise_text(path) for path in written))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -64,22 +75,22 @@ def _parser() -> argparse.ArgumentParser:
     return made
 
 
-def _tile(estimator: Estimator, score: Score) -> np.ndarray:
+def _tile(estimator: Estimator, score: PhotoScore) -> np.ndarray:
     """The photo of `score` with its true and predicted outlines, measured again: outlines are not kept."""
-    image, mask = read(score.photo)
-    measured = estimator.measure(image, known(score.photo))
-    outlines = [] if mask is None else [(trace(mask), TRUE)]
+    image, mask = load_photo_and_mask(score.photo)
+    measured = estimator.measure(image, photo_info(score.photo))
+    outlines = [] if mask is None else [(trace_largest_contour(mask), TRUE_COLOUR)]
     rings = [ring for leaf in measured.leaves for ring in (leaf.outline, *leaf.holes) if ring is not None]
-    outlines += [(ring, FOUND) for ring in rings]
+    outlines += [(ring, PREDICTED_COLOUR) for ring in rings]
     said = f"true {score.photo.area_cm2:.2f}"
     if score.predicted_cm2 is not None:
         said += f", predicted {score.predicted_cm2:.2f} cm² ({score.relative_error:+.1f} %)"
     if score.iou is not None:
         said += f", IoU {score.iou:.3f}"
-    return captioned(outlined(image, outlines, side=_TILE), [said, printable(score.photo.name)])
+    return add_caption(draw_outlines(image, outlines, side=_TILE), [said, sanitise_text(score.photo.name)])
 
 
-def _write_table(path: Path, scores: Sequence[Score]) -> None:
+def _write_table(path: Path, scores: Sequence[PhotoScore]) -> None:
     header = (
         "image,subset,split,grid_mm,true_cm2,predicted_cm2,relative_error_percent,iou,mask_pixel_error,"
         "method,refused,error"
@@ -87,7 +98,7 @@ def _write_table(path: Path, scores: Sequence[Score]) -> None:
     write_csv(path, header.split(","), (_cells(score) for score in scores))
 
 
-def _cells(score: Score) -> tuple[object, ...]:
+def _cells(score: PhotoScore) -> tuple[object, ...]:
     photo = score.photo
     return (
         *(photo.name, photo.subset, photo.split, photo.grid_mm, photo.area_cm2),
@@ -96,20 +107,20 @@ def _cells(score: Score) -> tuple[object, ...]:
     )
 
 
-def _report(scores: Sequence[Score], summaries: Mapping[str, Figures]) -> None:
+def _report(scores: Sequence[PhotoScore], summaries: Mapping[str, Figures]) -> None:
     """Print the table of subsets, then what a reader must know before believing it."""
-    width = max(len(printable(name)) for name in summaries)
+    width = max(len(sanitise_text(name)) for name in summaries)
     columns = "    n  MRE %  [95 % interval]  median %   p90 %   mIoU     MPE  refused  skipped"
     print(f"{'subset':<{width}} {columns}")
     for name, figures in summaries.items():
-        print(f"{printable(name):<{width}} {_line(figures)}")
+        print(f"{sanitise_text(name):<{width}} {_line(figures)}")
     print(f"measured by {', '.join(sorted({score.method for score in scores if score.method}))}")
     other = sum(score.photo.grid_mm != 1.0 for score in scores)
     if other:
         print(f"{other} of {len(scores)} photos are not on 1 mm paper, the domain of models trained on it")
     for score in scores:
         if score.error is not None:
-            print(f"skipped {printable(score.photo.name)}: {printable(score.error)}")
+            print(f"skipped {sanitise_text(score.photo.name)}: {sanitise_text(score.error)}")
 
 
 def _line(figures: Figures) -> str:

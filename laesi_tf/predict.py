@@ -13,12 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from laesi_tf.cli import above_zero, add_models, parser, progress, run
+from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
 from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import Estimator, Known, Leaf, Measurement, load_estimator
+from laesi_tf.estimators.base import Estimator, LeafMeasurement, Measurement, PhotoInfo
+from laesi_tf.estimators.factory import load_estimator
 from laesi_tf.files import require_writable, write_csv, write_json
-from laesi_tf.overlay import FOUND, SIDE, captioned, gridded, numbered, outlined, printable, write_png
+from laesi_tf.reporting.captions import add_caption, draw_labels
+from laesi_tf.reporting.overlay import OVERLAY_SIDE_PX, PREDICTED_COLOUR, draw_grid, draw_outlines, write_png
 
 _OVERLAY = ".overlay.png"
 _FIGURES = ("area_cm2", "uncertainty_cm2", "px_per_mm", "length_mm", "width_mm", "perimeter_mm", "holes_cm2")
@@ -61,7 +64,10 @@ def main(arguments: Sequence[str]) -> None:
         if path is not None:
             require_writable(path)
     rows = predict(
-        estimator, photos, known=Known(px_per_mm=options.px_per_mm, grid_mm=options.grid_mm), out=options.out
+        estimator,
+        photos,
+        known=PhotoInfo(px_per_mm=options.px_per_mm, grid_mm=options.grid_mm),
+        out=options.out,
     )
     write_csv(table, [*_COLUMNS, "overlay"], ([*_record(row).values(), row.overlay] for row in rows))
     if options.json is not None:
@@ -69,7 +75,7 @@ def main(arguments: Sequence[str]) -> None:
     _report(rows, table)
 
 
-def predict(estimator: Estimator, photos: Sequence[Path], *, known: Known, out: Path) -> list[Row]:
+def predict(estimator: Estimator, photos: Sequence[Path], *, known: PhotoInfo, out: Path) -> list[Row]:
     """Measure `photos` and write an overlay of each into `out`; bad files become rows with an error.
 
     Raises InputError when no file is good; nothing is written then.
@@ -169,16 +175,18 @@ def _rows(photo: str, measurement: Measurement, overlay: str) -> list[Row]:
 def _picture(image: np.ndarray, measurement: Measurement, name: str) -> np.ndarray:
     """The photo with lattice and numbered outlines on it and the figures below."""
     # A small photo is enlarged until the text beneath it can be read.
-    side = min(SIDE, max(SIDE // 2, *image.shape[:2]))
+    side = min(OVERLAY_SIDE_PX, max(OVERLAY_SIDE_PX // 2, *image.shape[:2]))
     scale = side / max(image.shape[:2])
-    picture = outlined(image, [], side=side)
+    picture = draw_outlines(image, [], side=side)
     if measurement.to_mm is not None:
-        picture = gridded(picture, measurement.to_mm @ np.diag([1 / scale, 1 / scale, 1.0]))
+        picture = draw_grid(picture, measurement.to_mm @ np.diag([1 / scale, 1 / scale, 1.0]))
     rings = [ring for leaf in measurement.leaves for ring in (leaf.outline, *leaf.holes) if ring is not None]
-    picture = outlined(picture, [((ring + 0.5) * scale - 0.5, FOUND) for ring in rings], side=side)
+    picture = draw_outlines(
+        picture, [((ring + 0.5) * scale - 0.5, PREDICTED_COLOUR) for ring in rings], side=side
+    )
     if len(measurement.leaves) > 1:
-        picture = numbered(picture, _labels(measurement, scale))
-    return captioned(picture, [*_said(measurement), f"{printable(name)}  ({measurement.method})"])
+        picture = draw_labels(picture, _labels(measurement, scale))
+    return add_caption(picture, [*_said(measurement), f"{sanitise_text(name)}  ({measurement.method})"])
 
 
 def _labels(measurement: Measurement, scale: float) -> list[tuple[np.ndarray, str]]:
@@ -212,7 +220,7 @@ def _said(measurement: Measurement) -> list[str]:
     return [", ".join(said), *notes[:3]]
 
 
-def _total(leaves: Sequence[Leaf]) -> str:
+def _total(leaves: Sequence[LeafMeasurement]) -> str:
     """The area of all leaves together; what is wrong with one scale is wrong with all, so doubts add up."""
     total = sum(leaf.area_cm2 or 0.0 for leaf in leaves)
     doubt = sum(leaf.uncertainty_cm2 or math.nan for leaf in leaves)
@@ -229,9 +237,9 @@ def _report(rows: Sequence[Row], table: Path) -> None:
     photos: dict[str, list[Row]] = {}
     for row in rows:
         photos.setdefault(row.photo, []).append(row)
-    width = max(len(printable(photo)) for photo in photos)
+    width = max(len(sanitise_text(photo)) for photo in photos)
     for photo, leaves in photos.items():
-        print(f"{printable(photo):<{width}}  {_line(leaves)}")
+        print(f"{sanitise_text(photo):<{width}}  {_line(leaves)}")
         if len(leaves) > 1:
             for row in leaves:
                 print(f"{f'leaf {row.leaf}':>{width}}  {_line([row])}")
@@ -239,14 +247,14 @@ def _report(rows: Sequence[Row], table: Path) -> None:
     refused = sum(row.refused for row in rows)
     measured = sum(row.area_cm2 is not None for row in rows)
     print(
-        f"leaves measured: {measured}, photos refused: {refused}, skipped: {skipped}; see {printable(table)}"
+        f"leaves measured: {measured}, photos refused: {refused}, skipped: {skipped}; see {sanitise_text(table)}"
     )
 
 
 def _line(rows: Sequence[Row]) -> str:
     """The area of `rows` together, or why there is none."""
     if rows[0].area_cm2 is None:
-        return printable(rows[0].error)
+        return sanitise_text(rows[0].error)
     said = f"{sum(row.area_cm2 or 0.0 for row in rows):9.2f} cm2"
     doubt = sum(row.uncertainty_cm2 or math.nan for row in rows)
     said += "" if math.isnan(doubt) else f" ± {doubt:.2f}"

@@ -12,7 +12,8 @@ from pathlib import Path
 from laesi_tf.cli import parser, run
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.files import require_writable, write_json
-from laesi_tf.overlay import sheet, write_png
+from laesi_tf.reporting.captions import make_contact_sheet
+from laesi_tf.reporting.overlay import write_png
 from laesi_tf.reporting.scene_tiles import (
     COLUMNS,
     PASSES,
@@ -47,7 +48,7 @@ def main(arguments: Sequence[str]) -> None:
     }
     columns = {"passes.png": PASSES}
     for name, tiles in sheets.items():
-        write_png(options.out / name, sheet(tiles, columns=columns.get(name, COLUMNS)))
+        write_png(options.out / name, make_contact_sheet(tiles, columns=columns.get(name, COLUMNS)))
     files = [str(options.out / name) for name in sheets]
     if options.json is not None:
         write_json(options.json, {"files": files, "scenes": [picture.label for picture in shown]})

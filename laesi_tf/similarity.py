@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.cli import parser, positive, run
+from laesi_tf.reporting.captions import add_caption, make_contact_sheet
+from laesi_tf.reporting.overlay import write_png
 
 # isort: split
 import numpy as np
@@ -20,7 +22,6 @@ from laesi_tf.errors import InputError
 from laesi_tf.evaluation.feature_similarity import find_closest_pairs, nearest_cosines
 from laesi_tf.files import require_writable, write_csv, write_json, write_text
 from laesi_tf.models.image_embedding import NETWORKS, load_embedder
-from laesi_tf.overlay import captioned, sheet, write_png
 from laesi_tf.reporting.similarity_charts import import_umap, plot_umap, plot_violins
 
 _SIZE = (224, 224)
@@ -113,8 +114,8 @@ def _draw_pairs(
     for i, j, cosine in pairs:
         side_by_side = np.concatenate([pictures["a"][i], pictures["b"][j]], axis=1)
         caption = [f"{cosine:.4f}", f"{names['a'][i]} | {names['b'][j]}"]
-        tiles.append(captioned(side_by_side, caption))
-    write_png(path, sheet(tiles, columns=_PAIR_COLUMNS))
+        tiles.append(add_caption(side_by_side, caption))
+    write_png(path, make_contact_sheet(tiles, columns=_PAIR_COLUMNS))
 
 
 def _make_parser() -> argparse.ArgumentParser:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from green import photo
 
-from laesi_tf.estimators import Estimator, Known, Measurement
+from laesi_tf.estimators.base import Estimator, Measurement, PhotoInfo
 
 SIZES = {"square": (300, 300), "portrait": (400, 300), "landscape": (300, 400), "strip": (24, 900)}
 EXTREMES = {
@@ -21,7 +21,7 @@ EXTREMES = {
     "noise": np.random.default_rng(0).integers(0, 256, (200, 300, 3), np.uint8),
     "huge": np.repeat(np.repeat(photo(300, 400), 10, axis=0), 10, axis=1),
 }
-KNOWN = (Known(), Known(px_per_mm=5.0), Known(px_per_mm=5.0, grid_mm=5.0))
+KNOWN = (PhotoInfo(), PhotoInfo(px_per_mm=5.0), PhotoInfo(px_per_mm=5.0, grid_mm=5.0))
 
 
 def check(measurement: Measurement, image: np.ndarray) -> None:
@@ -70,14 +70,14 @@ class EstimatorConformance:
     @pytest.mark.parametrize("known", KNOWN)
     @pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
     def test_any_shape_is_measured_or_refused(
-        self, estimator: Estimator, size: tuple[int, int], known: Known
+        self, estimator: Estimator, size: tuple[int, int], known: PhotoInfo
     ) -> None:
         image = photo(*size)
         check(estimator.measure(image, known), image)
 
     @pytest.mark.parametrize("image", EXTREMES.values(), ids=EXTREMES)
     def test_extremes_are_measured_or_refused(self, estimator: Estimator, image: np.ndarray) -> None:
-        check(estimator.measure(image, Known(px_per_mm=5.0)), image)
+        check(estimator.measure(image, PhotoInfo(px_per_mm=5.0)), image)
 
     def test_same_photo_same_measurement_whatever_came_between(self, estimator: Estimator) -> None:
         first = estimator.measure(photo(300, 400))

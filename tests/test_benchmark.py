@@ -11,10 +11,10 @@ import tensorflow as tf
 from scenes import RENDERING_2, only
 
 from laesi_tf import benchmark, machine
-from laesi_tf.benchmarks import component_cost, photo_speed, synthesis_speed, timing, training_speed
+from laesi_tf.benchmarks import component_cost, photo_speed, timing, training_speed
 from laesi_tf.benchmarks.timing import MedianIqr
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import Measurement
+from laesi_tf.estimators.base import Measurement
 from laesi_tf.synthesis import COMPONENTS
 
 SIZE = (32, 32)

@@ -12,8 +12,12 @@ from green import area_network, disk, mask_network, photo, save_run
 from sheets import drawn, jacobian
 
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import Estimator, Known, Reading, Regression, Segmentation, load_estimator
-from laesi_tf.estimators.segmentation import is_rod
+from laesi_tf.estimators.area_estimator import AreaEstimator
+from laesi_tf.estimators.base import Estimator, PhotoInfo
+from laesi_tf.estimators.factory import load_estimator
+from laesi_tf.estimators.leaf_outline import looks_like_pen
+from laesi_tf.estimators.mask_estimator import MaskEstimator
+from laesi_tf.estimators.ruling_estimator import RulingEstimator
 
 SIZE = (64, 64)
 
@@ -22,36 +26,36 @@ class TestRegression(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
-        return Regression(area_network(SIZE), SIZE, "none")
+        return AreaEstimator(area_network(SIZE), SIZE, "none")
 
 
 class TestSegmentation(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
-        return Segmentation(mask_network(SIZE), SIZE)
+        return MaskEstimator(mask_network(SIZE), SIZE)
 
 
 class TestReading(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
-        segmentation = Segmentation(mask_network((48, 64)), (48, 64))
-        return Reading(segmentation, Regression(area_network(SIZE), SIZE, "none"))
+        segmentation = MaskEstimator(mask_network((48, 64)), (48, 64))
+        return RulingEstimator(segmentation, AreaEstimator(area_network(SIZE), SIZE, "none"))
 
 
 class TestReadingAlone(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
-        return Reading(Segmentation(mask_network(SIZE), SIZE))
+        return RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE))
 
 
 def test_reading_measures_a_disk_on_drawn_paper() -> None:
     image, forward = drawn(px_per_mm=5.0, turn=0.4, tilt=(0.1, -0.05))
     leaf = disk(*image.shape[:2], radius=0.2)
     image[leaf] = (40, 160, 40)
-    measured = Reading(Segmentation(mask_network((192, 192)), (192, 192))).measure(image)
+    measured = RulingEstimator(MaskEstimator(mask_network((192, 192)), (192, 192))).measure(image)
     points = np.argwhere(leaf)[:, ::-1] + 0.5
     true = sum(jacobian(forward, point) for point in points[::20]) * 20 / 100
     assert measured.refusal is None and measured.method == "ruling x silhouette"
@@ -65,60 +69,62 @@ def test_reading_measures_a_disk_on_drawn_paper() -> None:
 
 def test_reading_falls_back_and_says_so() -> None:
     segmentation, regression = (
-        Segmentation(mask_network(SIZE), SIZE),
-        Regression(area_network(SIZE), SIZE, "none"),
+        MaskEstimator(mask_network(SIZE), SIZE),
+        AreaEstimator(area_network(SIZE), SIZE, "none"),
     )
-    measured = Reading(segmentation, regression).measure(photo(200, 200))
+    measured = RulingEstimator(segmentation, regression).measure(photo(200, 200))
     assert measured.method == "regression, no ruling read"
     assert measured.area_cm2 == regression.measure(photo(200, 200)).area_cm2
-    alone = Reading(segmentation).measure(photo(200, 200))
+    alone = RulingEstimator(segmentation).measure(photo(200, 200))
     assert alone.refusal is not None and "no ruling" in alone.refusal and alone.mask is not None
 
 
 def test_the_area_network_is_asked_once() -> None:
-    regression = Regression(area_network(SIZE), SIZE, "none")
+    regression = AreaEstimator(area_network(SIZE), SIZE, "none")
     asked, predict = [], regression._predict
     regression._predict = lambda pictures: asked.append(len(pictures)) or predict(pictures)
-    Reading(Segmentation(mask_network(SIZE), SIZE), regression).measure(photo(200, 200))
+    RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), regression).measure(photo(200, 200))
     assert asked == [1]
 
 
 def test_regression_sees_the_whole_photo_with_square_pixels() -> None:
-    estimator = Regression(area_network((64, 64)), (64, 64), "none")
+    estimator = AreaEstimator(area_network((64, 64)), (64, 64), "none")
     landscape = estimator.measure(photo(300, 600)).area_cm2
     # A disk of 0.3 of the shorter side, which is half of the input's side, the rest being filled.
     assert landscape == pytest.approx(100 * math.pi * 0.15**2, rel=0.05)
 
 
 def test_regression_inverts_the_transform() -> None:
-    plain = Regression(area_network(SIZE), SIZE, "none").measure(photo(200, 200)).area_cm2
-    root = Regression(area_network(SIZE), SIZE, "sqrt").measure(photo(200, 200)).area_cm2
+    plain = AreaEstimator(area_network(SIZE), SIZE, "none").measure(photo(200, 200)).area_cm2
+    root = AreaEstimator(area_network(SIZE), SIZE, "sqrt").measure(photo(200, 200)).area_cm2
     assert plain is not None and root == pytest.approx(plain**2)
 
 
 def test_regression_refuses_what_is_not_a_number() -> None:
     picture = keras.Input((*SIZE, 3))
     broken = keras.Model(picture, keras.layers.Rescaling(math.nan)(keras.layers.Dense(1)(picture[:, 0, 0])))
-    measured = Regression(broken, SIZE, "none").measure(photo(100, 100))
+    measured = AreaEstimator(broken, SIZE, "none").measure(photo(100, 100))
     assert measured.refusal is not None and measured.area_cm2 is None
 
 
 @pytest.mark.parametrize("size", [(300, 300), (300, 450), (450, 300), (1200, 900)])
 def test_mask_lies_on_the_leaf_at_the_photos_size(size: tuple[int, int]) -> None:
-    mask = Segmentation(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
+    mask = MaskEstimator(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
     assert mask is not None and mask.shape == size
     true = disk(*size)
     assert (mask & true).sum() / (mask | true).sum() > 0.95
 
 
 def test_mask_times_given_scale_is_the_area() -> None:
-    measured = Segmentation(mask_network((96, 96)), (96, 96)).measure(photo(600, 600), Known(px_per_mm=4.0))
+    measured = MaskEstimator(mask_network((96, 96)), (96, 96)).measure(
+        photo(600, 600), PhotoInfo(px_per_mm=4.0)
+    )
     assert measured.area_cm2 == pytest.approx(math.pi * 180**2 / 4**2 / 100, rel=0.02)
     assert measured.leaves[0].px_per_mm == 4.0
 
 
 def test_without_scale_the_area_is_refused_and_the_mask_given() -> None:
-    measured = Segmentation(mask_network(SIZE), SIZE).measure(photo(200, 200))
+    measured = MaskEstimator(mask_network(SIZE), SIZE).measure(photo(200, 200))
     assert measured.refusal is not None and "px_per_mm" in measured.refusal
     assert measured.area_cm2 is None and measured.mask is not None and measured.leaves[0].outline is not None
 
@@ -126,15 +132,18 @@ def test_without_scale_the_area_is_refused_and_the_mask_given() -> None:
 def test_only_the_largest_piece_is_the_leaf() -> None:
     image = photo(200, 200)
     image[5:15, 5:15] = (40, 160, 40)
-    mask = Segmentation(mask_network((100, 100)), (100, 100)).measure(image).mask
+    mask = MaskEstimator(mask_network((100, 100)), (100, 100)).measure(image).mask
     assert mask is not None and mask[100, 100] and not mask[:30, :30].any()
 
 
 def test_no_leaf_is_refused() -> None:
     blank = np.full((100, 100, 3), 240, np.uint8)
-    segmentation = Segmentation(mask_network(SIZE), SIZE)
-    for estimator in (segmentation, Reading(segmentation, Regression(area_network(SIZE), SIZE, "none"))):
-        measured = estimator.measure(blank, Known(px_per_mm=4.0))
+    segmentation = MaskEstimator(mask_network(SIZE), SIZE)
+    for estimator in (
+        segmentation,
+        RulingEstimator(segmentation, AreaEstimator(area_network(SIZE), SIZE, "none")),
+    ):
+        measured = estimator.measure(blank, PhotoInfo(px_per_mm=4.0))
         assert measured.refusal is not None and "no leaf" in measured.refusal
         assert measured.mask is not None and not measured.mask.any()
 
@@ -154,5 +163,5 @@ def test_load_estimator_follows_the_runs_task(tmp_path: Path) -> None:
 def test_pens_are_no_leaves_and_slender_leaves_no_pens(turn):
     pen = cv2.boxPoints(((300.0, 200.0), (400.0, 40.0), float(turn)))
     leaf = cv2.ellipse2Poly((300, 200), (200, 20), turn, 0, 360, 3)
-    assert is_rod(pen) and not is_rod(leaf)
-    assert not is_rod(cv2.boxPoints(((300.0, 200.0), (400.0, 200.0), float(turn))))
+    assert looks_like_pen(pen) and not looks_like_pen(leaf)
+    assert not looks_like_pen(cv2.boxPoints(((300.0, 200.0), (400.0, 200.0), float(turn))))

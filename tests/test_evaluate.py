@@ -12,9 +12,17 @@ from PIL import Image
 
 from laesi_tf import evaluate as command
 from laesi_tf.data.manifest import Photo
-from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
-from laesi_tf.overlay import captioned, outlined, sheet
-from laesi_tf.scoring import Score, evaluate, interval, rank, subsets, summarise
+from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
+from laesi_tf.evaluation.photo_scores import (
+    PhotoScore,
+    bootstrap_interval,
+    group_by_subset,
+    score_photos,
+    sort_worst_first,
+    summarise,
+)
+from laesi_tf.reporting.captions import add_caption, make_contact_sheet
+from laesi_tf.reporting.overlay import draw_outlines
 
 # What the area network says of `photo(96, 96)`, by design.
 PERCENT = 100 * math.pi * 0.3**2
@@ -105,18 +113,20 @@ def photo_of(area_cm2: float, **fields: object) -> Photo:
 
 
 def test_figures_against_numbers_by_hand() -> None:
-    scores = [Score(photo=photo_of(10.0), predicted_cm2=predicted) for predicted in (9.0, 12.0, 10.0, 15.0)]
-    scores.append(Score(photo=photo_of(10.0), refusal="no grid"))
+    scores = [
+        PhotoScore(photo=photo_of(10.0), predicted_cm2=predicted) for predicted in (9.0, 12.0, 10.0, 15.0)
+    ]
+    scores.append(PhotoScore(photo=photo_of(10.0), refusal="no grid"))
     figures = summarise(scores)
     assert figures["mre"] == pytest.approx((10 + 20 + 0 + 50) / 4) and figures["median"] == pytest.approx(15)
     assert figures["p90"] == pytest.approx(41) and figures["n"] == 5 and figures["refused"] == 1
     assert figures["mre_low"] <= figures["mre"] <= figures["mre_high"]  # type: ignore[operator]
-    assert [score.predicted_cm2 for score in rank(scores)] == [15.0, 12.0, 9.0, 10.0]
+    assert [score.predicted_cm2 for score in sort_worst_first(scores)] == [15.0, 12.0, 9.0, 10.0]
 
 
 def test_nothing_measured_has_no_figures() -> None:
     figures = summarise(
-        [Score(photo=photo_of(1.0), error="cut"), Score(photo=photo_of(1.0), refusal="no grid")]
+        [PhotoScore(photo=photo_of(1.0), error="cut"), PhotoScore(photo=photo_of(1.0), refusal="no grid")]
     )
     assert figures["n"] == 1 and figures["skipped"] == 1
     assert all(figures[key] is None for key in ("mre", "mre_low", "median", "p90", "miou", "mpe"))
@@ -124,31 +134,31 @@ def test_nothing_measured_has_no_figures() -> None:
 
 def test_interval_covers_the_mean_and_narrows() -> None:
     errors = np.random.default_rng(1).exponential(5.0, 400)
-    low, high = interval(errors)
-    assert low < errors.mean() < high and interval(errors) == (low, high)
+    low, high = bootstrap_interval(errors)
+    assert low < errors.mean() < high and bootstrap_interval(errors) == (low, high)
     # Four times the standard error of the mean, about.
     assert high - low == pytest.approx(3.92 * errors.std() / 20, rel=0.15)
-    assert interval(np.array([7.0])) == (7.0, 7.0)
+    assert bootstrap_interval(np.array([7.0])) == (7.0, 7.0)
 
 
 def test_subset_named_all_does_not_hide_the_others() -> None:
-    scores = [Score(photo=photo_of(1.0, subset="all")), Score(photo=photo_of(1.0))]
-    assert subsets(scores) == {"all": scores}
+    scores = [PhotoScore(photo=photo_of(1.0, subset="all")), PhotoScore(photo=photo_of(1.0))]
+    assert group_by_subset(scores) == {"all": scores}
 
 
 def test_a_leaf_that_was_not_found_counts_as_no_overlap(manifest: Path) -> None:
     class Blind:
-        def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
+        def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
             return Measurement(method="blind", mask=np.zeros(image.shape[:2], bool), refusal="no leaf found")
 
     mask = manifest.parent / "a_mask.png"
     one = Photo(name="a.png", image=manifest.parent / "a.png", area_cm2=1.0, mask=mask)
-    figures = summarise(evaluate(Blind(), [one]))
+    figures = summarise(score_photos(Blind(), [one]))
     assert figures["miou"] == 0.0 and figures["mpe"] == 1.0 and figures["refused"] == 1
 
 
 def test_every_leaf_counts_towards_the_area() -> None:
-    leaves = (Leaf(area_cm2=2.0), Leaf(area_cm2=3.0))
+    leaves = (LeafMeasurement(area_cm2=2.0), LeafMeasurement(area_cm2=3.0))
     assert Measurement(method="two", leaves=leaves).area_cm2 == 5.0
     assert Measurement(method="two", leaves=leaves, refusal="tilted").area_cm2 is None
 
@@ -156,7 +166,7 @@ def test_every_leaf_counts_towards_the_area() -> None:
 def test_outline_is_drawn_where_the_leaf_is() -> None:
     image = np.zeros((3000, 4000, 3), np.uint8)
     square = np.array([[1000, 1000], [3000, 1000], [3000, 2000], [1000, 2000]])
-    picture = outlined(image, [(square, (255, 0, 160))], side=400)
+    picture = draw_outlines(image, [(square, (255, 0, 160))], side=400)
     assert picture.shape == (300, 400, 3)
     rows, columns = np.nonzero(picture[..., 0] > 100)
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == pytest.approx(
@@ -167,7 +177,7 @@ def test_outline_is_drawn_where_the_leaf_is() -> None:
 
 def test_caption_is_readable_and_hides_nothing() -> None:
     image = np.full((300, 400, 3), 90, np.uint8)
-    framed = captioned(image, ["31.25 cm²", "a long name " * 20])
+    framed = add_caption(image, ["31.25 cm²", "a long name " * 20])
     assert np.array_equal(framed[:300], image)
     assert framed.shape[0] > 330 and (framed[300:] < 128).any(axis=2).sum() > 100
     assert (framed[300:, -3:] == 255).all(), "the long line runs out of the picture"
@@ -175,6 +185,6 @@ def test_caption_is_readable_and_hides_nothing() -> None:
 
 def test_sheet_holds_pictures_of_any_size() -> None:
     pictures = [np.full((height, 50, 3), shade, np.uint8) for height, shade in [(40, 10), (60, 20), (50, 30)]]
-    page = sheet(pictures, columns=2, gap=5)
+    page = make_contact_sheet(pictures, columns=2, gap=5)
     assert page.shape == (2 * 65 + 5, 2 * 55 + 5, 3)
     assert [(page == picture[0, 0]).all(axis=2).sum() for picture in pictures] == [2000, 3000, 2500]

@@ -22,7 +22,7 @@ from laesi_tf.data import dataset_spec
 from laesi_tf.data.dataset_spec import DatasetSpec
 from laesi_tf.data.mixture import load_mixture
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import Estimator
+from laesi_tf.estimators.base import Estimator
 
 SCALE = 0.005
 NAMES = ["rule_based", "real_baseline", "rendering_1", "rendering_2", "controlnet", "controlnet_filtering"]

@@ -9,7 +9,7 @@ import pytest
 from laesi_tf import config as configuration
 from laesi_tf.config import TrainConfig
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import load_estimator
+from laesi_tf.estimators.factory import load_estimator
 from laesi_tf.export import main
 from laesi_tf.runs import BEST, CONFIG, EXPORTED, PRETRAINED, export, load_run
 from laesi_tf.synthesis import synthesise

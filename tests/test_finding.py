@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from green import LEAF, PAPER, mask_network
 
-from laesi_tf.estimators import Known, Segmentation
-from laesi_tf.estimators.base import in_reading_order
-from laesi_tf.estimators.finding import find
-from laesi_tf.estimators.network import compiled
-from laesi_tf.estimators.views import LONGEST, Views
+from laesi_tf.estimators.base import PhotoInfo, sort_in_reading_order
+from laesi_tf.estimators.leaf_detector import find_leaves
+from laesi_tf.estimators.mask_estimator import MaskEstimator
+from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX, PhotoPyramid
+from laesi_tf.models.inference import compile_inference
 
 SIZE = (96, 96)
 
@@ -23,7 +23,7 @@ def sheet(discs: list[tuple[int, int, int]], size: tuple[int, int] = (900, 1200)
 
 
 def measured(image: np.ndarray):
-    return Segmentation(mask_network(SIZE), SIZE).measure(image, Known(px_per_mm=10.0))
+    return MaskEstimator(mask_network(SIZE), SIZE).measure(image, PhotoInfo(px_per_mm=10.0))
 
 
 @pytest.mark.parametrize("radius", [30, 60, 100])
@@ -37,7 +37,7 @@ def test_every_leaf_is_found_once_and_in_order(radius: int) -> None:
 
 
 def test_leaves_that_a_glance_and_half_of_the_tiles_overlook_are_told_by_their_colour() -> None:
-    network, calls = compiled(mask_network(SIZE), SIZE), []
+    network, calls = compile_inference(mask_network(SIZE), SIZE), []
 
     def forgetful(images: np.ndarray) -> np.ndarray:
         calls.append(len(images))
@@ -46,7 +46,7 @@ def test_leaves_that_a_glance_and_half_of_the_tiles_overlook_are_told_by_their_c
         return seen
 
     places = [(row, column) for row in (150, 450, 750) for column in (150, 450, 750, 1050)]
-    found = find(Views(sheet([(*place, 30) for place in places])), forgetful, SIZE)
+    found = find_leaves(PhotoPyramid(sheet([(*place, 30) for place in places])), forgetful, SIZE)
     middles = sorted(tuple(sight.box.mean(axis=0)[::-1].round()) for sight in found)
     assert np.array(middles) == pytest.approx(np.array(places), abs=6)
 
@@ -81,15 +81,15 @@ def test_mask_shows_all_leaves_without_their_holes() -> None:
 
 def test_reading_order() -> None:
     boxes = [[[100, 10], [150, 60]], [[0, 20], [50, 70]], [[0, 100], [40, 130]], [[60, 90], [99, 140]]]
-    assert in_reading_order(np.array(boxes, float)) == [1, 0, 2, 3]
-    assert in_reading_order(np.zeros((0, 2, 2))) == []
+    assert sort_in_reading_order(np.array(boxes, float)) == [1, 0, 2, 3]
+    assert sort_in_reading_order(np.zeros((0, 2, 2))) == []
 
 
 def test_views_of_a_part_lie_where_they_say() -> None:
     rows, columns = np.mgrid[:2000, :3000]
     photo = np.stack([columns // 12, rows // 12, np.zeros_like(rows)], axis=-1).astype(np.uint8)
-    views = Views(photo)
-    assert max(views.whole.image.shape) == LONGEST
+    views = PhotoPyramid(photo)
+    assert max(views.whole.image.shape) == OVERVIEW_SIDE_PX
     for box in ([[100, 200], [900, 700]], [[0, 0], [3000, 2000]], [[2900, 1900], [3500, 2500]]):
         cut = views.around(np.array(box, float), at_least=400, at_most=600)
         assert max(cut.image.shape) <= 600

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from laesi_tf.data.synthetic import synthetic_samples
-from laesi_tf.estimators import load_estimator
+from laesi_tf.estimators.factory import load_estimator
 from laesi_tf.metrics import relative_errors
 from laesi_tf.runs import PRETRAINED
 

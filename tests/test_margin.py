@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from laesi_tf.estimators.margin import silhouette
+from laesi_tf.estimators.mask_refinement import refine_mask
 
 SIDE, COARSE = 480, 6
 LEAF, PAPER, INK = (60, 110, 50), (225, 220, 205), (190, 120, 110)
@@ -43,7 +43,7 @@ def overlap(one: np.ndarray, other: np.ndarray) -> float:
 @pytest.mark.parametrize("noise", [0.0, 12.0])
 def test_teeth_finer_than_the_networks_pixels_are_followed(noise: float, shadow: float) -> None:
     leaf = serrated()
-    found = silhouette(picture(leaf, noise=noise, shadow=shadow), coarse(leaf), COARSE).mask
+    found = refine_mask(picture(leaf, noise=noise, shadow=shadow), coarse(leaf), COARSE).mask
     before = overlap(coarse(leaf) >= 0.5, leaf)
     assert overlap(found, leaf) > max(0.985, before + 0.01)
     assert found.sum() == pytest.approx(leaf.sum(), rel=0.008)
@@ -53,20 +53,20 @@ def test_a_petiole_that_the_network_misses_is_followed() -> None:
     blade = serrated()
     whole = blade.copy()
     whole[SIDE // 2 - 4 : SIDE // 2 + 4, 330:410] = True
-    found = silhouette(picture(whole), coarse(blade), COARSE).mask
+    found = refine_mask(picture(whole), coarse(blade), COARSE).mask
     assert found[SIDE // 2, 400] and overlap(found, whole) > 0.985
 
 
 def test_lines_of_the_ruling_are_not_followed() -> None:
     leaf = serrated()
-    found = silhouette(picture(leaf), coarse(leaf), COARSE).mask
+    found = refine_mask(picture(leaf), coarse(leaf), COARSE).mask
     assert not (found & ~(cv2.dilate(leaf.astype(np.uint8), np.ones((9, 9))) > 0)).any()
 
 
 def test_holes_near_the_margin_are_seen_through() -> None:
     leaf = serrated()
     leaf[100:112, 235:255] = False
-    found = silhouette(picture(leaf), coarse(leaf), COARSE).mask
+    found = refine_mask(picture(leaf), coarse(leaf), COARSE).mask
     assert not found[103:109, 240:250].any()
 
 
@@ -74,27 +74,29 @@ def test_where_leaf_and_paper_look_alike_the_networks_outline_stands() -> None:
     leaf = serrated()
     image = picture(leaf, colour=PAPER, noise=10.0)
     network = coarse(leaf) >= 0.5
-    assert overlap(silhouette(image, coarse(leaf), COARSE).mask, network) > 0.97
+    assert overlap(refine_mask(image, coarse(leaf), COARSE).mask, network) > 0.97
 
 
 def test_a_neighbour_is_not_part_of_the_leaf() -> None:
     rows, columns = np.mgrid[:SIDE, :SIDE]
     leaf, other = (np.hypot(rows - 240, columns - middle) < 100 for middle in (130, 340))
     others = cv2.dilate(other.astype(np.uint8), np.ones((5, 5))) > 0
-    found = silhouette(picture(leaf | other), coarse(leaf), COARSE, others).mask
+    found = refine_mask(picture(leaf | other), coarse(leaf), COARSE, others).mask
     assert not (found & other).any() and overlap(found, leaf) > 0.98
 
 
 def test_doubt_grows_with_noise() -> None:
     leaf = serrated()
-    calm, noisy = (silhouette(picture(leaf, noise=noise), coarse(leaf), COARSE).doubt_px for noise in (2, 40))
+    calm, noisy = (
+        refine_mask(picture(leaf, noise=noise), coarse(leaf), COARSE).doubt_px for noise in (2, 40)
+    )
     assert 0 < calm < noisy
 
 
 @pytest.mark.parametrize("probability", [0.0, 1.0])
 def test_nothing_or_everything_is_leaf(probability: float) -> None:
     image = np.full((50, 60, 3), 128, np.uint8)
-    found = silhouette(image, np.full((50, 60), probability, np.float32), 2.0)
+    found = refine_mask(image, np.full((50, 60), probability, np.float32), 2.0)
     assert (found.mask == (probability == 1.0)).all()
 
 
@@ -106,6 +108,6 @@ def test_what_shines_on_a_leaf_is_no_hole_and_a_hole_is(shine: tuple[int, int, i
     leaf = blade & ~hole
     image = picture(leaf, shadow=0.3)
     image[glossy] = np.array(shine) + np.random.default_rng(1).normal(0, 2, (glossy.sum(), 1))
-    found = silhouette(image, coarse(leaf & ~glossy), COARSE).mask
+    found = refine_mask(image, coarse(leaf & ~glossy), COARSE).mask
     assert found[glossy].mean() > 0.99
     assert found[hole].mean() < 0.1

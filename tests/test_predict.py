@@ -12,8 +12,8 @@ from PIL import Image
 from sheets import drawn
 
 from laesi_tf import predict as command
-from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement
-from laesi_tf.overlay import GRID, gridded
+from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
+from laesi_tf.reporting.overlay import GRID_COLOUR, draw_grid
 
 Rows = list[dict[str, object]]
 COLUMNS = {
@@ -161,18 +161,21 @@ def test_leaves_are_numbered_in_table_summary_and_overlay(
 
 def test_each_leaf_has_its_row(tmp_path: Path) -> None:
     class Two:
-        def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
-            return Measurement(method="two", leaves=(Leaf(area_cm2=2.0), Leaf(area_cm2=3.0, px_per_mm=4.0)))
+        def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
+            return Measurement(
+                method="two",
+                leaves=(LeafMeasurement(area_cm2=2.0), LeafMeasurement(area_cm2=3.0, px_per_mm=4.0)),
+            )
 
-    rows = command.predict(Two(), [save(tmp_path / "a.png", 50, 50)], known=NOTHING, out=tmp_path)
+    rows = command.predict(Two(), [save(tmp_path / "a.png", 50, 50)], known=UNKNOWN, out=tmp_path)
     assert [(row.area_cm2, row.px_per_mm) for row in rows] == [(2.0, None), (3.0, 4.0)]
 
 
 def test_the_lattice_lies_on_the_lines_of_the_sheet() -> None:
     image, forward = drawn(px_per_mm=6.0, turn=0.2, tilt=(0.1, 0.05))
     plain = np.full_like(image, 255)
-    lattice = gridded(plain, forward)[..., 0] < 100  # from white to GRID's red
-    assert GRID[0] == 0
+    lattice = draw_grid(plain, forward)[..., 0] < 100  # from white to GRID's red
+    assert GRID_COLOUR[0] == 0
     rows, columns = np.nonzero(lattice)
     u, v, w = forward @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
     corners = forward @ np.array([[0, 600, 600, 0], [0, 0, 600, 600], [1, 1, 1, 1]])

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sheets import SIDE, drawn, jacobian
 
-from laesi_tf.estimators.comb import MILLIMETRES
-from laesi_tf.estimators.patches import BORDER, FRAME
-from laesi_tf.estimators.ruling import graph, read_ruling
-from laesi_tf.estimators.tilt import tilt_deg
+from laesi_tf.estimators.camera_fit import estimate_tilt_deg
+from laesi_tf.estimators.ruling_reader.harmonics import MILLIMETRES
+from laesi_tf.estimators.ruling_reader.patches import BORDER, FRAME
+from laesi_tf.estimators.ruling_reader.reader import compile_graph, read_ruling
 from laesi_tf.synthesis import load_ranges, synthesise
 
 
@@ -59,7 +59,9 @@ def test_graph_and_its_conversion_agree():
         "view": np.float32([0, 40, 450]),
         "weights": MILLIMETRES,
     }
-    converter = tf.lite.TFLiteConverter.from_concrete_functions([graph().get_concrete_function()], graph())
+    converter = tf.lite.TFLiteConverter.from_concrete_functions(
+        [compile_graph().get_concrete_function()], compile_graph()
+    )
     converter.target_spec.supported_ops = [tf.lite.OpsSet.TFLITE_BUILTINS]
     interpreter = litert.Interpreter(model_content=converter.convert())
     interpreter.allocate_tensors()
@@ -67,7 +69,7 @@ def test_graph_and_its_conversion_agree():
         interpreter.set_tensor(detail["index"], inputs[detail["name"]])
     interpreter.invoke()
     converted = [interpreter.get_tensor(detail["index"]) for detail in interpreter.get_output_details()]
-    for ours, theirs in zip(graph()(**inputs), converted, strict=True):
+    for ours, theirs in zip(compile_graph()(**inputs), converted, strict=True):
         np.testing.assert_allclose(theirs, ours, rtol=1e-3, atol=1e-3)
 
 
@@ -80,7 +82,7 @@ def test_tilt_of_a_pinhole(tilt, focal):
     )
     camera = np.array([[focal * 800, 0, 400], [0, focal * 800, 300], [0, 0, 1]])
     to_px = camera @ np.column_stack([turned[:, 0], turned[:, 1], [5, -8, 150]])
-    found = tilt_deg(np.linalg.inv(to_px), (600, 800))
+    found = estimate_tilt_deg(np.linalg.inv(to_px), (600, 800))
     assert found == pytest.approx(tilt, abs=0.01)
 
 

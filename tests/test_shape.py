@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from laesi_tf.estimators.shape import centroid, main_axis, mapped, polygons, px_per_mm, shape
+from laesi_tf.common.geometry import (
+    apply_homography,
+    compute_px_per_mm,
+    main_axis,
+    polygon_centroid,
+    trace_polygons,
+)
+from laesi_tf.estimators.leaf_shape import measure_polygon
 
 SIDE = 500
 TILTS = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
@@ -28,8 +35,10 @@ def sheet(to_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def figures(mask: np.ndarray, to_mm: np.ndarray):
-    margin, holes = polygons(mask)
-    return shape(mapped(to_mm, margin), tuple(mapped(to_mm, hole) for hole in holes))
+    margin, holes = trace_polygons(mask)
+    return measure_polygon(
+        apply_homography(to_mm, margin), tuple(apply_homography(to_mm, hole) for hole in holes)
+    )
 
 
 @settings(max_examples=15, deadline=None)
@@ -72,8 +81,8 @@ def test_a_disc_with_a_hole(hole: float, turn: float, tilt: tuple[float, float])
 def test_a_leaf_that_touches_the_border_keeps_its_area() -> None:
     mask = np.zeros((60, 80), bool)
     mask[:40, :50] = True
-    margin, holes = polygons(mask)
-    assert shape(margin, holes).area == pytest.approx(2000, rel=0.003)
+    margin, holes = trace_polygons(mask)
+    assert measure_polygon(margin, holes).area == pytest.approx(2000, rel=0.003)
     assert margin.min() == pytest.approx(0, abs=0.2)
 
 
@@ -81,15 +90,15 @@ def test_only_the_largest_piece_and_its_own_holes_count() -> None:
     mask = np.zeros((100, 100), bool)
     mask[10:50, 10:60] = mask[70:90, 70:90] = True
     mask[20:30, 20:30] = mask[75:85, 75:85] = False
-    margin, holes = polygons(mask)
-    assert len(holes) == 1 and shape(margin, holes).area == pytest.approx(1900, rel=0.01)
-    assert centroid(margin) == pytest.approx([35, 30], abs=0.2)
+    margin, holes = trace_polygons(mask)
+    assert len(holes) == 1 and measure_polygon(margin, holes).area == pytest.approx(1900, rel=0.01)
+    assert polygon_centroid(margin) == pytest.approx([35, 30], abs=0.2)
 
 
 def test_a_line_one_pixel_wide_has_an_outline() -> None:
     mask = np.zeros((30, 30), bool)
     mask[15, 5:25] = True
-    margin, _ = polygons(mask)
+    margin, _ = trace_polygons(mask)
     assert np.isfinite(margin).all() and np.ptp(margin[:, 0]) > 15
 
 
@@ -103,4 +112,6 @@ def test_main_axis_does_not_depend_on_where_vertices_lie() -> None:
 def test_scale_is_that_of_small_squares() -> None:
     to_mm, point = view(0.3, (0.1, -0.12), 5.0), np.array([120.0, 340.0])
     square = point + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) - 0.5
-    assert px_per_mm(to_mm, point) == pytest.approx(shape(mapped(to_mm, square), ()).area ** -0.5, rel=1e-4)
+    assert compute_px_per_mm(to_mm, point) == pytest.approx(
+        measure_polygon(apply_homography(to_mm, square), ()).area ** -0.5, rel=1e-4
+    )

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.cli import add_models, parser, positive, progress, size
+from laesi_tf.estimators.base import Estimator
+from laesi_tf.estimators.factory import load_estimator
 
 # isort: split
 import cv2
@@ -15,7 +17,6 @@ from PIL import Image
 
 from laesi_tf.benchmarks.timing import MedianIqr, format_row
 from laesi_tf.data.decoding import decode_photo
-from laesi_tf.estimators import Estimator, load_estimator
 from laesi_tf.files import require_writable, write_json
 from laesi_tf.machine import described
 from laesi_tf.synthesis import synthesise

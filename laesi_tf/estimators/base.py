@@ -1,18 +1,17 @@
-"""What every way of measuring a photo has in common.
+"""The protocol of all estimators, what they are given and what they return.
 
-An estimator takes one upright photo at full resolution and returns the leaves on it, or says why it will not.
-It is asked for one photo at a time: photos differ in size, and a measurement must not depend on its company.
+An estimator measures the leaves on one upright photo at full resolution, or refuses with a reason. It gets
+one photo at a time: photos differ in size, and a measurement must not depend on the others.
 """
 
 from dataclasses import dataclass
 from typing import Protocol
 
-import cv2
 import numpy as np
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
+class PhotoInfo:
     """What is known about a photo before it is measured; an estimator that finds out by itself ignores it."""
 
     px_per_mm: float | None = None
@@ -21,11 +20,11 @@ class Known:
     """Distance between the finest lines of the paper."""
 
 
-NOTHING = Known()
+UNKNOWN = PhotoInfo()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Leaf:
+class LeafMeasurement:
     """One leaf; what an estimator does not find out is None."""
 
     area_cm2: float | None = None
@@ -60,7 +59,7 @@ class Measurement:
 
     method: str
     """How it was measured, for people: `regression`, `mask x given scale`."""
-    leaves: tuple[Leaf, ...] = ()
+    leaves: tuple[LeafMeasurement, ...] = ()
     mask: np.ndarray | None = None
     """bool [H, W] at the photo's size, True on any leaf; None from an estimator that makes no masks."""
     to_mm: np.ndarray | None = None
@@ -82,7 +81,7 @@ class Measurement:
 class Estimator(Protocol):
     """A way to measure leaves on a photo."""
 
-    def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
+    def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure the leaves on `image`, uint8 [H, W, 3] RGB, upright, of any size.
 
         The same image gives the same measurement, whatever was measured before; `image` is not changed. An
@@ -91,7 +90,7 @@ class Estimator(Protocol):
         ...
 
 
-def in_reading_order(boxes: np.ndarray) -> list[int]:
+def sort_in_reading_order(boxes: np.ndarray) -> list[int]:
     """Indices of `boxes` [N, 2, 2], (x, y) of their corners, row by row from the top, each from the left.
 
     A box whose middle lies within the height of a row's first box belongs to that row.
@@ -104,9 +103,3 @@ def in_reading_order(boxes: np.ndarray) -> list[int]:
         order += sorted(row, key=lambda index: float(boxes[index, :, 0].mean()))
         waiting = [index for index in waiting if index not in row]
     return order
-
-
-def trace(mask: np.ndarray) -> np.ndarray:
-    """Outer contour [N, 2], (x, y) at pixel centres, of the largest piece of `mask`, bool [H, W]."""
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    return max(contours, key=cv2.contourArea)[:, 0, :]

@@ -10,12 +10,14 @@ import cv2
 import numpy as np
 
 from laesi_tf.cli import progress
+from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.decoding import decode_photo
 from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.data.manifest import Photo
 from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
-from laesi_tf.overlay import FOUND, captioned, outlined, printable
+from laesi_tf.reporting.captions import add_caption
+from laesi_tf.reporting.overlay import PREDICTED_COLOUR, draw_outlines
 from laesi_tf.synthesis import COMPONENTS, Ranges, synthesise
 from laesi_tf.synthesis.presets import enable_all_components
 
@@ -59,7 +61,7 @@ def component_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]
         if most == len(names):
             break
     captions = ["leaf and sheet", *(f"+ {name.replace('_', ' ')}" for name in names)]
-    return [captioned(image, [caption]) for image, caption in zip(best, captions, strict=True)]
+    return [add_caption(image, [caption]) for image, caption in zip(best, captions, strict=True)]
 
 
 def lighting_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]:
@@ -67,7 +69,7 @@ def lighting_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]:
     lit = ranges.with_passes(PASSES)
     shown = [_render(lit, seed, i, size) for i in progress(range(_LEAVES * PASSES), desc="passes")]
     return [
-        captioned(picture.image, [f"leaf {i // PASSES + 1}, light {i % PASSES + 1}"])
+        add_caption(picture.image, [f"leaf {i // PASSES + 1}, light {i % PASSES + 1}"])
         for i, picture in enumerate(shown)
     ]
 
@@ -112,15 +114,15 @@ def _render(ranges: Ranges, seed: int, index: int, size: int) -> RenderedScene:
 
 
 def scene_tiles(shown: Sequence[RenderedScene]) -> list[np.ndarray]:
-    return [captioned(picture.image, [f"scene {picture.label['index']}"]) for picture in shown]
+    return [add_caption(picture.image, [f"scene {picture.label['index']}"]) for picture in shown]
 
 
 def mask_tiles(shown: Sequence[RenderedScene]) -> list[np.ndarray]:
     tiles = []
     for picture in shown:
-        lines = [(outline, FOUND) for outline in _trace_contours(picture.mask)]
+        lines = [(outline, PREDICTED_COLOUR) for outline in _trace_contours(picture.mask)]
         caption = "{area_cm2:.2f} cm², {px_per_mm:.2f} px/mm, tilt {tilt_deg:.0f}°".format_map(picture.label)
-        tiles.append(captioned(outlined(picture.image, lines, side=len(picture.image)), [caption]))
+        tiles.append(add_caption(draw_outlines(picture.image, lines, side=len(picture.image)), [caption]))
     return tiles
 
 
@@ -134,9 +136,9 @@ def photo_tiles(photos: Sequence[Photo], size: int) -> list[np.ndarray]:
     """Real photos at the scenes' size; one that cannot be read is a blank tile that says so."""
     tiles = []
     for photo, image in prefetch(lambda photo: decode_photo(photo.image), photos):
-        name = printable(Path(photo.name).name)
+        name = sanitise_text(Path(photo.name).name)
         if isinstance(image, InputError):
-            tiles.append(captioned(np.full((size, size, 3), 230, np.uint8), [f"cannot be read: {name}"]))
+            tiles.append(add_caption(np.full((size, size, 3), 230, np.uint8), [f"cannot be read: {name}"]))
         else:
-            tiles.append(captioned(letterbox_image(image, (size, size))[0], [f"photo {name}"]))
+            tiles.append(add_caption(letterbox_image(image, (size, size))[0], [f"photo {name}"]))
     return tiles

@@ -7,18 +7,17 @@ homography is fitted to all of them, so tilt is measured and undone. Which famil
 outside remain the resizing of the photo, and what is derived from the graph's ten numbers.
 """
 
-from dataclasses import dataclass
 from functools import cache
 
 import cv2
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators import comb, patches, peaks
-from laesi_tf.estimators.lattice import gradients, median, rate
-from laesi_tf.estimators.patches import BORDER, FRAME, PICTURE
-from laesi_tf.estimators.spectra import BINS, SIDE, spectra
-from laesi_tf.estimators.tilt import tilt_deg
+from laesi_tf.estimators.camera_fit import Ruling, estimate_tilt_deg
+from laesi_tf.estimators.ruling_reader import harmonics, patches, peaks
+from laesi_tf.estimators.ruling_reader.lattice import lattice_frequencies, median, rate
+from laesi_tf.estimators.ruling_reader.patches import BORDER, FRAME, PICTURE
+from laesi_tf.estimators.ruling_reader.spectra import BINS, SIDE, compute_spectra
 
 _VIEWS_MM = 40, 450
 """Longer side of the sheet that a picture may show."""
@@ -42,32 +41,6 @@ _SAMPLES = 5.0
 of the heaviest lines in a patch."""
 
 
-@dataclass(frozen=True, eq=False)
-class Ruling:
-    """A homography from photo pixels to sheet millimetres, up to translation, and how well it is founded.
-
-    `forward` [3, 3] maps (x, y, 1) in pixels, pixel centres at whole numbers plus one half.
-    """
-
-    forward: np.ndarray
-    tilt_deg: float
-    """Angle between the camera's axis and the paper's normal; what is assumed, `tilt.tilt_deg` says."""
-    confidence: float
-    """Chance in 0..1 that the scale is right within 1 %."""
-    inliers: int
-    spread: float
-    """Median relative disagreement between the measured and the fitted frequency vectors."""
-
-    def mm2_per_px(self, points: np.ndarray) -> np.ndarray:
-        """Sheet area under a pixel, mm2, at `points` [N, 2] in pixels: the Jacobian's determinant."""
-        w = points @ self.forward[2, :2] + self.forward[2, 2]
-        return abs(np.linalg.det(self.forward)) / np.abs(w) ** 3
-
-    def px_per_mm(self, point: np.ndarray) -> float:
-        """Scale at `point` [2]."""
-        return float(1 / np.sqrt(self.mm2_per_px(point[None])[0]))
-
-
 def read_ruling(
     image: np.ndarray, *, leaf: np.ndarray | None = None, grid_mm: float = 1.0, about: float | None = None
 ) -> Ruling | None:
@@ -76,18 +49,18 @@ def read_ruling(
     `leaf`, bool [H, W], is left out. `grid_mm` is the distance of the finest lines. `about`, px per mm, is a
     rough scale from elsewhere that helps to tell which lines are the finest.
     """
-    small = _working(image, grid_mm)
+    small = _resize_to_working_size(image, grid_mm)
     if small is None:
         return None
     height, width = small.shape[:2]
     plain = grid_mm >= _PLAIN_MM
-    weights, faintest = (comb.PLAIN, _FAINTEST_PLAIN) if plain else (comb.MILLIMETRES, _FAINTEST)
+    weights, faintest = (harmonics.PLAIN, _FAINTEST_PLAIN) if plain else (harmonics.MILLIMETRES, _FAINTEST)
     view = [
         0.0 if about is None else max(image.shape[:2]) / about / grid_mm,
         *(mm / grid_mm for mm in _VIEWS_MM),
     ]
-    found = graph()(
-        _framed(small, leaf), np.array([height, width], np.int32), np.array(view, np.float32), weights
+    found = compile_graph()(
+        _pad_to_frame(small, leaf), np.array([height, width], np.int32), np.array(view, np.float32), weights
     )
     lattice, (evidence, share, inliers, spread) = (part.numpy() for part in found)
     clear = inliers >= _FEWEST and evidence >= faintest and share >= _DOUBTFUL and spread <= _WIDEST
@@ -95,11 +68,11 @@ def read_ruling(
         return None
     shrunk = np.diag([width / image.shape[1], height / image.shape[0], 1.0])
     forward = np.diag([grid_mm, grid_mm, 1.0]) @ _homography(lattice, height, width) @ shrunk
-    tilt = tilt_deg(forward, image.shape[:2])
+    tilt = estimate_tilt_deg(forward, image.shape[:2])
     return Ruling(forward, tilt, float(share), int(inliers), float(spread))
 
 
-def _working(image: np.ndarray, grid_mm: float) -> np.ndarray | None:
+def _resize_to_working_size(image: np.ndarray, grid_mm: float) -> np.ndarray | None:
     """`image` at the size that its ruling needs; None where it is too small."""
     longer, shorter = max(image.shape[:2]), min(image.shape[:2])
     longest = min(PICTURE, max(_SMALLEST, 2 * _FINEST_PX * _VIEWS_MM[1] / grid_mm))
@@ -110,7 +83,7 @@ def _working(image: np.ndarray, grid_mm: float) -> np.ndarray | None:
     return cv2.resize(image, None, fx=scale, fy=scale, interpolation=interpolation)
 
 
-def _framed(small: np.ndarray, leaf: np.ndarray | None) -> np.ndarray:
+def _pad_to_frame(small: np.ndarray, leaf: np.ndarray | None) -> np.ndarray:
     """The working picture [FRAME, FRAME] of a photo without its `leaf`.
 
     The darkest channel shows ink of any colour, on white as on tinted paper.
@@ -134,10 +107,10 @@ def _homography(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 @cache
-def graph() -> tf.types.experimental.PolymorphicFunction:
+def compile_graph() -> tf.types.experimental.PolymorphicFunction:
     """`lattice_of` with a fixed signature, of operations that TFLite has built in."""
     return tf.function(
-        lattice_of,
+        fit_lattice,
         input_signature=[
             tf.TensorSpec([FRAME, FRAME], tf.uint8, "picture"),
             tf.TensorSpec([2], tf.int32, "size"),
@@ -148,7 +121,7 @@ def graph() -> tf.types.experimental.PolymorphicFunction:
     )
 
 
-def lattice_of(
+def fit_lattice(
     picture: tf.Tensor, size: tf.Tensor, view: tf.Tensor, weights: tf.Tensor
 ) -> tuple[tf.Tensor, tf.Tensor]:
     """Lattice [6] of the ruling in a working `picture` (see `patches`) of a photo of `size` (height, width).
@@ -158,23 +131,23 @@ def lattice_of(
     the median of their relative disagreement.
     """
     half = tf.cast(tf.reduce_max(size), tf.float32) / 2
-    pixels, middles, steps = patches.chosen(picture, size)
+    pixels, middles, steps = patches.choose_patches(picture, size)
     centres = (middles - tf.cast(tf.reverse(size, [0]), tf.float32) / 2) / half
-    ink, bare = patches.ink(pixels)
-    seen = spectra(ink, centres, bare, steps * BINS / half)
-    seeds, places, score = comb.seeds(seen, _SEED_STRIDE)
+    ink, bare = patches.extract_ink(pixels)
+    seen = compute_spectra(ink, centres, bare, steps * BINS / half)
+    seeds, places, score = harmonics.find_seeds(seen, _SEED_STRIDE)
     best = tf.math.top_k(score, _SEEDS).indices
-    grown, good = peaks.regrown(
+    grown, good = peaks.grow_lattices(
         seen,
         tf.gather(seeds, best),
         tf.gather(places, best),
         ((0.45, 0.1), (0.9, 0.08), (3.0, 0.06), (3.0, 0.03)),
     )
-    first = comb.best_family(seen, grown, good, view, weights)
-    return _seen_straight(picture, size, first.lattice, first.factors, centres, view, weights)
+    first = harmonics.select_family(seen, grown, good, view, weights)
+    return _refit_rectified(picture, size, first.lattice, first.factors, centres, view, weights)
 
 
-def _seen_straight(
+def _refit_rectified(
     picture: tf.Tensor,
     size: tf.Tensor,
     first: tf.Tensor,
@@ -194,24 +167,26 @@ def _seen_straight(
     w = (g * u + h * v + 1) * pace
     straight = tf.stack([(a * u + b * v) / w, (d * u + e * v) / w], axis=1)
     step = tf.clip_by_value(1 / _SAMPLES, pace / half, 3 * pace / half)
-    pixels = patches.straightened(picture, size, first, straight * pace, step)
-    ink, bare = patches.ink(pixels)
-    seen = spectra(ink, straight, bare, tf.repeat(step / pace * BINS, centres.shape[0]))
+    pixels = patches.rectify_patches(picture, size, first, straight * pace, step)
+    ink, bare = patches.extract_ink(pixels)
+    seen = compute_spectra(ink, straight, bare, tf.repeat(step / pace * BINS, centres.shape[0]))
     upright = tf.stack([pace / factors[0], 0.0, 0.0, pace / factors[1], 0.0, 0.0])[None]
-    family = comb.best_family(seen, upright, tf.constant([True]), view, weights)
-    second, _ = peaks.regrown(seen, family.lattice[None], tf.zeros([1, 2]), ((3.0, 0.05), (3.0, 0.03)))
-    found = peaks.measured(seen, second, 0.04)
+    family = harmonics.select_family(seen, upright, tf.constant([True]), view, weights)
+    second, _ = peaks.grow_lattices(seen, family.lattice[None], tf.zeros([1, 2]), ((3.0, 0.05), (3.0, 0.03)))
+    found = peaks.measure_peaks(seen, second, 0.04)
     used = found.weight > 0
-    error = tf.norm(gradients(second, straight) - found.at, axis=-1) / (tf.norm(found.at, axis=-1) + 1e-9)
+    error = tf.norm(lattice_frequencies(second, straight) - found.at, axis=-1) / (
+        tf.norm(found.at, axis=-1) + 1e-9
+    )
     spread = median(error, used)[0]
     inliers = tf.reduce_sum(tf.cast(used & (error < 2 * _WIDEST), tf.int32))
-    strength = tf.reduce_mean(comb.scores(seen, second, weights)) * family.plausible
-    return _composed(second[0], first, pace), tf.stack(
+    strength = tf.reduce_mean(harmonics.score_families(seen, second, weights)) * family.plausible
+    return _compose(second[0], first, pace), tf.stack(
         [strength, family.share, tf.cast(inliers, tf.float32), spread]
     )
 
 
-def _composed(second: tf.Tensor, first: tf.Tensor, pace: tf.Tensor) -> tf.Tensor:
+def _compose(second: tf.Tensor, first: tf.Tensor, pace: tf.Tensor) -> tf.Tensor:
     """The lattice [6] in the picture, of one that was found in the picture straightened by `first`."""
     a, b, d, e, g, h = tf.unstack(first)
     inner = tf.stack([a / pace, b / pace, 0.0, d / pace, e / pace, 0.0, g, h, 1.0])

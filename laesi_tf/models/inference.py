@@ -1,4 +1,4 @@
-"""A Keras model as a function of pictures."""
+"""Run a Keras network on NumPy images."""
 
 from collections.abc import Callable
 
@@ -6,11 +6,11 @@ import keras
 import numpy as np
 import tensorflow as tf
 
-_AT_ONCE = 16
+_BATCH_SIZE = 16
 """Pictures that go through a network together: more are not faster, and each takes memory."""
 
 
-def compiled(model: keras.Model, size: tuple[int, int]) -> Callable[[np.ndarray], np.ndarray]:
+def compile_inference(model: keras.Model, size: tuple[int, int]) -> Callable[[np.ndarray], np.ndarray]:
     """Turn `model`, [B, h, w, 3] in 0..255 -> [B, ...], into uint8 [N, h, w, 3] -> float32 [N, ...]."""
     graph = tf.function(
         lambda batch: model(tf.cast(batch, tf.float32), training=False),
@@ -18,7 +18,9 @@ def compiled(model: keras.Model, size: tuple[int, int]) -> Callable[[np.ndarray]
     )
 
     def predict(pictures: np.ndarray) -> np.ndarray:
-        parts = [graph(pictures[first : first + _AT_ONCE]) for first in range(0, len(pictures), _AT_ONCE)]
+        parts = [
+            graph(pictures[first : first + _BATCH_SIZE]) for first in range(0, len(pictures), _BATCH_SIZE)
+        ]
         return np.concatenate([part.numpy() for part in parts])
 
     return predict

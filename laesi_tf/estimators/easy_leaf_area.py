@@ -13,9 +13,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from laesi_tf.estimators.base import NOTHING, Known, Leaf, Measurement, in_reading_order, trace
-from laesi_tf.estimators.segmentation import CUT_OFF, NO_LEAF, Part, filled
-from laesi_tf.estimators.views import Cut, Views
+from laesi_tf.common.geometry import trace_largest_contour
+from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo, sort_in_reading_order
+from laesi_tf.estimators.leaf_outline import CUT_OFF, PlacedMask, paint_masks
+from laesi_tf.estimators.mask_estimator import NO_LEAF
+from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 
 NAME = "rule_based"
 """What commands take in place of a training run."""
@@ -68,9 +70,9 @@ _RED = (
 """What is leaf, what is square for sure: ever wider until `_ENOUGH` pixels are."""
 
 
-def leaf_rule(sample: np.ndarray) -> Rule | None:
+def fit_leaf_rule(sample: np.ndarray) -> Rule | None:
     """The rule for leaf pixels, set on a coarse picture uint8 [h, w, 3]; None where nothing is green."""
-    found = _typical(sample, _GREEN)
+    found = _mean_colour(sample, _GREEN)
     if found is None:
         return None
     green, to_red, to_blue = found
@@ -78,9 +80,9 @@ def leaf_rule(sample: np.ndarray) -> Rule | None:
     return Rule(1, max(10.0, 1.223 * green - 111), (float(ratios[0]), float(ratios[1])))
 
 
-def square_rule(sample: np.ndarray) -> Rule | None:
+def fit_square_rule(sample: np.ndarray) -> Rule | None:
     """The rule for the pixels of a red square, as `leaf_rule`; None where nothing is red."""
-    found = _typical(sample, _RED)
+    found = _mean_colour(sample, _RED)
     if found is None:
         return None
     red, to_green, to_blue = found
@@ -88,7 +90,7 @@ def square_rule(sample: np.ndarray) -> Rule | None:
     return Rule(0, float(np.clip(1.412 * red - 140.6, 0, 255)), (ratio, ratio))
 
 
-def _typical(sample: np.ndarray, rules: tuple[Rule, ...]) -> tuple[float, float, float] | None:
+def _mean_colour(sample: np.ndarray, rules: tuple[Rule, ...]) -> tuple[float, float, float] | None:
     """Mean of a channel and of its ratios to the others over the pixels that are in it for sure."""
     held = next(mask for rule in rules if (mask := rule.holds(sample)).mean() >= _ENOUGH or rule is rules[-1])
     if not held.any():
@@ -99,39 +101,39 @@ def _typical(sample: np.ndarray, rules: tuple[Rule, ...]) -> tuple[float, float,
     return float(own.mean()), float(to_one.mean()), float(to_other.mean())
 
 
-class RuleBased:
+class EasyLeafArea:
     """Easy Leaf Area; it has learned nothing."""
 
     def __init__(self, square_cm2: float = SQUARE_CM2) -> None:
         """Take the area of the red square that lies in every photo."""
         self._square_mm2 = 100.0 * square_cm2
 
-    def measure(self, image: np.ndarray, known: Known = NOTHING) -> Measurement:
+    def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
         """As `Estimator.measure`; a given scale serves where there is no square."""
-        views = Views(image)
-        leaf, square = _ruled(views.whole.image)
-        parts = _parts(leaf, views.whole)
-        mask = filled(parts, views.photo)
-        red_px = _square_px(square) * float(np.prod(views.whole.step))
+        views = PhotoPyramid(image)
+        leaf, square = _apply_rules(views.whole.image)
+        parts = _find_leaf_components(leaf, views.whole)
+        mask = paint_masks(parts, views.photo)
+        red_px = _find_square(square) * float(np.prod(views.whole.step))
         method = _GIVEN if not red_px and known.px_per_mm else _SQUARE
         if not parts:
             return Measurement(method=method, mask=mask, refusal=NO_LEAF)
         scale = math.sqrt(red_px / self._square_mm2) or known.px_per_mm
-        leaves = tuple(_leaf(part, views.size, scale) for part in parts)
+        leaves = tuple(_measure_leaf(part, views.size, scale) for part in parts)
         refusal = _NO_SQUARE if scale is None else None
         return Measurement(method=method, leaves=leaves, mask=mask, refusal=refusal)
 
 
-def _ruled(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _apply_rules(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """bool [h, w] each: where the leaf is, and where, beside it, red is."""
     step = max(1, round(max(image.shape[:2]) / _SAMPLED))
     sample, nothing = image[::step, ::step], np.zeros(image.shape[:2], bool)
-    green, red = leaf_rule(sample), square_rule(sample)
+    green, red = fit_leaf_rule(sample), fit_square_rule(sample)
     leaf = nothing if green is None else green.holds(image)
     return leaf, nothing if red is None else red.holds(image) & ~leaf
 
 
-def _parts(leaf: np.ndarray, cut: Cut) -> list[Part]:
+def _find_leaf_components(leaf: np.ndarray, cut: Crop) -> list[PlacedMask]:
     """The connected pieces of `leaf`, bool [h, w] over a cut, that are large enough, in reading order."""
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(leaf.astype(np.uint8), connectivity=4)
     least = _LEAST_LEAF * leaf.size
@@ -140,13 +142,13 @@ def _parts(leaf: np.ndarray, cut: Cut) -> list[Part]:
     for label in large:
         left, top, width, height = boxes[label, :4]
         box = slice(top, top + height), slice(left, left + width)
-        part = Cut(cut.image[box], cut.to_photo(np.array([left, top])), cut.step)
+        part = Crop(cut.image[box], cut.to_photo(np.array([left, top])), cut.step)
         parts.append((part, labels[box] == label))
     ends = [(boxes[label, :2], boxes[label, :2] + boxes[label, 2:4]) for label in large]
-    return [parts[index] for index in in_reading_order(np.array(ends).reshape(-1, 2, 2))]
+    return [parts[index] for index in sort_in_reading_order(np.array(ends).reshape(-1, 2, 2))]
 
 
-def _square_px(red: np.ndarray) -> int:
+def _find_square(red: np.ndarray) -> int:
     """Pixels of the largest piece of `red`, bool [h, w]; 0 where it is no square."""
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(red.astype(np.uint8), connectivity=4)
     if len(boxes) == 1:
@@ -161,15 +163,15 @@ def _square_px(red: np.ndarray) -> int:
     return pixels if square else 0
 
 
-def _leaf(part: Part, size: np.ndarray, px_per_mm: float | None) -> Leaf:
+def _measure_leaf(part: PlacedMask, size: np.ndarray, px_per_mm: float | None) -> LeafMeasurement:
     """A leaf on a photo of `size`, width and height: its green pixels times what one covers, if known."""
     cut, piece = part
     pixels = float(np.count_nonzero(piece) * np.prod(cut.step))
     ends = cut.to_photo(np.array([[0, 0], piece.shape[::-1]]))
     inside = (ends[0] > 0.5).all() and (ends[1] < size - 0.5).all()
-    return Leaf(
+    return LeafMeasurement(
         area_cm2=None if px_per_mm is None else pixels / px_per_mm**2 / 100,
         px_per_mm=px_per_mm,
-        outline=cut.to_photo(trace(piece) + 0.5) - 0.5,
+        outline=cut.to_photo(trace_largest_contour(piece) + 0.5) - 0.5,
         note=None if inside else CUT_OFF,
     )

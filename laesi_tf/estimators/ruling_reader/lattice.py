@@ -25,12 +25,12 @@ class Peaks(NamedTuple):
     weight: tf.Tensor
 
 
-def gradients(lattice: tf.Tensor, centres: tf.Tensor) -> tf.Tensor:
+def lattice_frequencies(lattice: tf.Tensor, centres: tf.Tensor) -> tf.Tensor:
     """Frequencies [B, K, 2 families, 2] of lattices [B, 6] at `centres` [K, 2]."""
-    return _linearised(lattice, centres)[0]
+    return _linearise(lattice, centres)[0]
 
 
-def rescaled(lattice: tf.Tensor, factors: tf.Tensor) -> tf.Tensor:
+def rescale(lattice: tf.Tensor, factors: tf.Tensor) -> tf.Tensor:
     """Lattices [..., 6] with their lines taken for families `factors` [..., 2] times as fine."""
     ones = tf.ones_like(factors)
     return lattice * tf.concat([tf.repeat(factors, 2, axis=-1), ones], axis=-1)
@@ -48,7 +48,7 @@ def rate(lattice: tf.Tensor) -> tf.Tensor:
     return tf.sqrt(tf.abs(a * e - b * d))
 
 
-def fitted(lattice: tf.Tensor, centres: tf.Tensor, peaks: Peaks) -> tf.Tensor:
+def fit_to_peaks(lattice: tf.Tensor, centres: tf.Tensor, peaks: Peaks) -> tf.Tensor:
     """Lattices [B, 6] moved to the peaks of the patches at `centres` [K, 2].
 
     Gauss-Newton with robust (Cauchy) weights on the relative error of the frequencies. Without peaks in at
@@ -61,7 +61,7 @@ def fitted(lattice: tf.Tensor, centres: tf.Tensor, peaks: Peaks) -> tf.Tensor:
     size = tf.norm(peaks.at, axis=-1, keepdims=True) + 1e-9
     scale = tf.sqrt(peaks.weight[..., None]) / size
     for _ in range(_ROUNDS):
-        predicted, jacobian = _linearised(lattice, centres)
+        predicted, jacobian = _linearise(lattice, centres)
         residual = (predicted - peaks.at) * scale
         error = tf.norm(residual, axis=-1)
         width = tf.maximum(1.5 * median(error, peaks.weight > 0), 1e-3)[:, None, None]
@@ -100,7 +100,7 @@ def solve(matrix: tf.Tensor, right: tf.Tensor) -> tf.Tensor:
     return augmented[..., n] / size
 
 
-def _linearised(lattice: tf.Tensor, centres: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+def _linearise(lattice: tf.Tensor, centres: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Frequencies [B, K, 2, 2] and their derivatives [B, K, 2, 2, 6] by the lattice's numbers."""
     a, b, d, e, g, h = tf.unstack(lattice[:, None], axis=-1)
     u, v = tf.unstack(centres, axis=-1)

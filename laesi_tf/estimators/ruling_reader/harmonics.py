@@ -1,4 +1,4 @@
-"""The comb that the harmonics of a ruling make, and which of its teeth is the finest family of lines."""
+"""The harmonic score of a ruling, and which of its harmonics belongs to the finest family of lines."""
 
 import math
 from typing import NamedTuple
@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators.lattice import gradients, rate, rates, rescaled
-from laesi_tf.estimators.spectra import BINS, COLUMNS, Spectra, prominences
+from laesi_tf.estimators.ruling_reader.lattice import lattice_frequencies, rate, rates, rescale
+from laesi_tf.estimators.ruling_reader.spectra import BINS, COLUMNS, Spectra, compute_prominences
 
 HARMONICS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 2.0, 5.0)
 _GAPS = (0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.95)
-_HEARD = (*HARMONICS, *_GAPS, 1.1, 1.2)
-TEETH = (0.1, 0.2, 0.5, *(10 / tooth for tooth in range(1, 11)))
+_FACTORS = (*HARMONICS, *_GAPS, 1.1, 1.2)
+FAMILY_FACTORS = (0.1, 0.2, 0.5, *(10 / tooth for tooth in range(1, 11)))
 """How much finer than the lines that were followed the finest may be: these were any tooth of the comb."""
 _SQUARE = 1.15
 """Ratio of scales along and across a sheet that tilt may cause in the middle of the picture."""
@@ -40,15 +40,15 @@ _STEP = 0.02
 _FREQUENCIES = np.exp(np.arange(math.log(1 / 80), math.log(0.46), _STEP))
 
 
-def seeds(spectra: Spectra, stride: int) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+def find_seeds(spectra: Spectra, stride: int) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
     """The best untilted lattice of every `stride`-th patch: lattices [n, 6], patches' centres [n, 2],
     scores [n]."""
-    chosen = prominences(spectra, stride)
+    chosen = compute_prominences(spectra, stride)
     table = _polar_bins()
     polar = tf.gather(tf.reshape(chosen, [chosen.shape[0], -1]), table.ravel(), axis=1)
     polar = tf.reshape(polar, [-1, *table.shape])
     both = polar[:, : table.shape[0] // 2] + polar[:, table.shape[0] // 2 :]
-    score = _combined({factor: _stretched(both, factor) for factor in HARMONICS})
+    score = _combine({factor: _stretch(both, factor) for factor in HARMONICS})
     flat = tf.reshape(score, [score.shape[0], -1])
     best = tf.argmax(flat, axis=1, output_type=tf.int32)
     angle = tf.gather(_ANGLES.astype(np.float32), best // len(_FREQUENCIES))
@@ -60,12 +60,12 @@ def seeds(spectra: Spectra, stride: int) -> tuple[tf.Tensor, tf.Tensor, tf.Tenso
     return tf.stack([a, b, -b, a, none, none], axis=1), spectra.centres[::stride], tf.reduce_max(flat, axis=1)
 
 
-def _combined(values: dict[float, tf.Tensor]) -> tf.Tensor:
+def _combine(values: dict[float, tf.Tensor]) -> tf.Tensor:
     """Weigh the comb's prominences: fine lines, and behind every fifth or every tenth a heavier one.
 
     Lines at odd tenths speak against every fifth being heavier, and for every tenth.
     """
-    even, odd = _heavier(values)
+    even, odd = _mean_even_and_odd(values)
     return values[1.0] + 1.5 * tf.maximum(even - 0.5 * odd, (4 * even + 5 * odd) / 9) + 0.25 * values[2.0]
 
 
@@ -79,7 +79,7 @@ def _polar_bins() -> np.ndarray:
     return row % BINS * COLUMNS + column
 
 
-def _stretched(polar: tf.Tensor, factor: float) -> tf.Tensor:
+def _stretch(polar: tf.Tensor, factor: float) -> tf.Tensor:
     """`polar` [..., frequencies] read at `factor` times each frequency, zero outside the range."""
     shift = round(math.log(factor) / _STEP)
     if shift >= 0:
@@ -87,18 +87,20 @@ def _stretched(polar: tf.Tensor, factor: float) -> tf.Tensor:
     return tf.pad(polar[..., :shift], [[0, 0], [0, 0], [-shift, 0]])
 
 
-def scores(spectra: Spectra, lattice: tf.Tensor, weights: tf.Tensor) -> tf.Tensor:
+def score_families(spectra: Spectra, lattice: tf.Tensor, weights: tf.Tensor) -> tf.Tensor:
     """What speaks for the lines of lattices [B, 6] being the finest, log-odds [B, 2] for both directions.
 
     `weights` [9] are those of the signs.
     """
-    places = gradients(lattice, spectra.centres)[..., None, :] * np.array(_HEARD, np.float32)[:, None]
-    means = _means(spectra, places)
-    loud, prominent, heard = (dict(zip(_HEARD, tf.unstack(part, axis=-1), strict=True)) for part in means)
-    return tf.reduce_sum(tf.stack(_signs(loud, prominent, heard), axis=-1) * weights, axis=-1)
+    places = (
+        lattice_frequencies(lattice, spectra.centres)[..., None, :] * np.array(_FACTORS, np.float32)[:, None]
+    )
+    means = _mean_over_patches(spectra, places)
+    loud, prominent, heard = (dict(zip(_FACTORS, tf.unstack(part, axis=-1), strict=True)) for part in means)
+    return tf.reduce_sum(tf.stack(_compute_features(loud, prominent, heard), axis=-1) * weights, axis=-1)
 
 
-def _signs(
+def _compute_features(
     loud: dict[float, tf.Tensor], prominent: dict[float, tf.Tensor], heard: dict[float, tf.Tensor]
 ) -> list[tf.Tensor]:
     """Signs for and against a family being the finest, each [B, 2].
@@ -108,7 +110,7 @@ def _signs(
     every tenth line could be heard. They rise over the neighbouring teeth, which are heavier lines' harmonics
     alone; and between the teeth there is nothing.
     """
-    even, odd = _heavier(prominent)
+    even, odd = _mean_even_and_odd(prominent)
     comb = tf.maximum(even - 0.5 * odd, (4 * even + 5 * odd) / 9)
     halves = heard[0.4] * heard[0.5] * heard[0.6]
     return [
@@ -118,20 +120,20 @@ def _signs(
         tf.nn.relu(loud[2.0] - loud[1.0]) * heard[2.0],
         tf.nn.relu(loud[5.0] - loud[1.0]) * heard[5.0],
         tf.nn.relu(loud[0.5] - tf.maximum(loud[0.4], loud[0.6])) * halves,
-        _rise(loud, heard, 0.8, 1.2),
-        _rise(loud, heard, 0.9, 1.1),
+        _compute_rise(loud, heard, 0.8, 1.2),
+        _compute_rise(loud, heard, 0.9, 1.1),
         tf.add_n([prominent[gap] for gap in _GAPS]) / len(_GAPS),
     ]
 
 
-def _heavier(values: dict[float, tf.Tensor]) -> tuple[tf.Tensor, tf.Tensor]:
+def _mean_even_and_odd(values: dict[float, tf.Tensor]) -> tuple[tf.Tensor, tf.Tensor]:
     """Means of the teeth that lines at every fifth and, beside them, lines at every tenth make."""
     even = (values[0.2] + values[0.4] + values[0.6] + values[0.8]) / 4
     odd = (values[0.1] + values[0.3] + values[0.5] + values[0.7] + values[0.9]) / 5
     return even, odd
 
 
-def _rise(
+def _compute_rise(
     loud: dict[float, tf.Tensor], heard: dict[float, tf.Tensor], before: float, after: float
 ) -> tf.Tensor:
     """Log-power of the finest lines over the teeth `before` and `after` them, within -3..3."""
@@ -139,7 +141,7 @@ def _rise(
     return tf.clip_by_value(loud[1.0] - tf.maximum(loud[before], beyond), -3, 3) * heard[before]
 
 
-def _means(spectra: Spectra, places: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+def _mean_over_patches(spectra: Spectra, places: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
     """Mean log-power and prominence [B, 2, n] over the patches at frequencies [B, K, 2, n, 2].
 
     Also 1 where enough of them hold it, else 0, as then the means are.
@@ -162,7 +164,7 @@ class Family(NamedTuple):
     plausible: tf.Tensor
 
 
-def best_family(
+def select_family(
     spectra: Spectra, lattices: tf.Tensor, good: tf.Tensor, view: tf.Tensor, weights: tf.Tensor
 ) -> Family:
     """The likeliest of lattices [B, 6], those that are `good` [B], each taken for any of its teeth.
@@ -171,14 +173,14 @@ def best_family(
     `view` [3] is the picture's longer side in periods of the finest lines: roughly (0 if unknown), at
     least, at most.
     """
-    count, teeth = lattices.shape[0], len(TEETH)
-    every = tf.reshape(rescaled(lattices[:, None], tf.constant([[t, t] for t in TEETH])), [-1, 6])
-    score = tf.reshape(scores(spectra, every, weights), [count, teeth, 2])
-    pairs = tf.constant([[[across, down] for down in TEETH] for across in TEETH])
-    family = rescaled(lattices[:, None, None], pairs)
+    count, teeth = lattices.shape[0], len(FAMILY_FACTORS)
+    every = tf.reshape(rescale(lattices[:, None], tf.constant([[t, t] for t in FAMILY_FACTORS])), [-1, 6])
+    score = tf.reshape(score_families(spectra, every, weights), [count, teeth, 2])
+    pairs = tf.constant([[[across, down] for down in FAMILY_FACTORS] for across in FAMILY_FACTORS])
+    family = rescale(lattices[:, None, None], pairs)
     periods = 2 * rate(family)
-    total = (score[:, :, None, 0] + score[:, None, :, 1]) / 2 + _expected(periods, view[0])
-    plausible = _plausible(family) & (periods >= view[1]) & (periods <= view[2]) & good[:, None, None]
+    total = (score[:, :, None, 0] + score[:, None, :, 1]) / 2 + _scale_log_likelihood(periods, view[0])
+    plausible = _is_plausible(family) & (periods >= view[1]) & (periods <= view[2]) & good[:, None, None]
     flat = tf.reshape(tf.where(plausible, total, -1e6), [-1])
     best = tf.argmax(flat, output_type=tf.int32)
     likelihood = tf.exp(flat - tf.reduce_max(flat))
@@ -192,13 +194,13 @@ def best_family(
     )
 
 
-def _expected(periods: tf.Tensor, rough: tf.Tensor) -> tf.Tensor:
+def _scale_log_likelihood(periods: tf.Tensor, rough: tf.Tensor) -> tf.Tensor:
     """Log-likelihood of a number of periods, given a rough one or 0."""
     away = tf.math.log(periods / tf.maximum(rough, 1e-3)) / _ROUGH
     return tf.where(rough > 0, tf.math.log(tf.exp(-0.5 * away * away) + _WRONG), 0.0)
 
 
-def _plausible(lattice: tf.Tensor) -> tf.Tensor:
+def _is_plausible(lattice: tf.Tensor) -> tf.Tensor:
     """Whether lattices [..., 6] are square and not steeper than a phone is held."""
     across = rates(lattice)
     square = tf.reduce_max(across, axis=-1) <= _SQUARE * tf.reduce_min(across, axis=-1)

@@ -44,7 +44,7 @@ _FEWEST, _ENOUGH = 30, 16000
 
 
 @dataclass(frozen=True, eq=False)
-class Silhouette:
+class RefinedMask:
     """A leaf in a cut of a photo: `mask`, bool [h, w], and how much of its area is in doubt."""
 
     mask: np.ndarray
@@ -52,32 +52,32 @@ class Silhouette:
     """Pixels that could as well be judged otherwise, each counted by the probability of that."""
 
 
-def silhouette(
+def refine_mask(
     image: np.ndarray, probability: np.ndarray, coarseness: float, others: np.ndarray | None = None
-) -> Silhouette:
+) -> RefinedMask:
     """Outline the leaf on `image`, uint8 [h, w, 3], that a network sees with `probability`, float32 [h, w].
 
     One pixel of the network is `coarseness` pixels of the image. `others`, bool [h, w], are neither this leaf
     nor its paper.
     """
-    seen = _colours(image, probability, coarseness, others)
+    seen = _fit_colour_model(image, probability, coarseness, others)
     core = probability >= 0.5
     if seen is None:
-        return Silhouette(core, _doubt(_logit(probability)))
+        return RefinedMask(core, _expected_errors_px(_logit(probability)))
     odds = seen.odds
     total = odds + np.clip(_NETWORK_WEIGHT * _logit(probability), -_NETWORK_MOST, _NETWORK_MOST)
-    depth, distance = _distance(core), _distance(~core)
+    depth, distance = _distance_inside(core), _distance_inside(~core)
     total[depth > _BAND * coarseness] = _COLOUR_MOST
     total[distance > _BAND * coarseness] = -_COLOUR_MOST
     leaf = total > 0
     if others is not None:
         leaf &= ~others
-    mask = _without_gloss(_with_petiole(leaf, core, odds, distance, coarseness), image, seen)
-    return Silhouette(mask if mask.any() else core, _doubt(total))
+    mask = _fill_glossy_holes(_add_petiole(leaf, core, odds, distance, coarseness), image, seen)
+    return RefinedMask(mask if mask.any() else core, _expected_errors_px(total))
 
 
 @dataclass(frozen=True, eq=False)
-class _Colours:
+class ColourModel:
     """What colours tell: the log-odds `odds`, float32 [h, w], that a pixel is leaf, and the mean and standard
     deviation [3] of the `paper` beside it."""
 
@@ -86,20 +86,20 @@ class _Colours:
     spread: np.ndarray
 
 
-def _colours(
+def _fit_colour_model(
     image: np.ndarray, probability: np.ndarray, coarseness: float, others: np.ndarray | None
-) -> _Colours | None:
+) -> ColourModel | None:
     """The colours of leaf and paper; None with too little of either."""
     stride = max(1, int(coarseness // 2))
     every = (slice(stride // 2, None, stride),) * 2
     colours, unit = image[every].astype(np.float32), coarseness / stride
-    leaf, ring, near = _samples(probability[every], unit, None if others is None else others[every])
+    leaf, ring, near = _select_samples(probability[every], unit, None if others is None else others[every])
     if min(np.count_nonzero(leaf), np.count_nonzero(near)) < _FEWEST:
         return None
-    direction = _discriminant(colours[leaf], np.concatenate([colours[ring] * shade for shade in _SHADES]))
+    direction = _fit_discriminant(colours[leaf], np.concatenate([colours[ring] * shade for shade in _SHADES]))
     window = int(_WINDOW * unit) | 1
-    of_leaf = _local(colours @ direction, leaf, window)
-    of_paper = _local(colours @ direction, near, window)
+    of_leaf = _local_mean(colours @ direction, leaf, window)
+    of_paper = _local_mean(colours @ direction, near, window)
     values = colours @ direction
     variance = (np.var((values - of_leaf)[leaf]) + np.var((values - of_paper)[near])) / 2 + 1e-6
     # Two normal distributions of one variance: the log-odds rise linearly and are zero midway.
@@ -109,10 +109,10 @@ def _colours(
     score = cv2.transform(image.astype(np.float32), direction[np.newaxis])
     odds = (score - cv2.resize(middle, full)) * cv2.resize(slope, full)
     beside = colours[near]
-    return _Colours(np.clip(odds, -_COLOUR_MOST, _COLOUR_MOST), beside.mean(axis=0), beside.std(axis=0))
+    return ColourModel(np.clip(odds, -_COLOUR_MOST, _COLOUR_MOST), beside.mean(axis=0), beside.std(axis=0))
 
 
-def _samples(
+def _select_samples(
     probability: np.ndarray, unit: float, others: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pixels, bool [h, w] each, that are surely leaf, surely paper around it, and the paper beside it."""
@@ -121,14 +121,14 @@ def _samples(
     beside = cv2.dilate(faint, _disc(_BESIDE * unit)) > 0
     width = max(6 * unit, _RING * float(np.sqrt(np.count_nonzero(core))))
     paper = ~beside if others is None else ~beside & ~others
-    ring = (_distance(core == 0) <= width) & paper
-    near = (_distance(faint == 0) <= (_BESIDE + _NEAR) * unit) & paper
+    ring = (_distance_inside(core == 0) <= width) & paper
+    near = (_distance_inside(faint == 0) <= (_BESIDE + _NEAR) * unit) & paper
     return leaf, ring, near
 
 
-def _discriminant(leaf: np.ndarray, paper: np.ndarray) -> np.ndarray:
+def _fit_discriminant(leaf: np.ndarray, paper: np.ndarray) -> np.ndarray:
     """Fisher's direction [3], of unit length, from colours of paper [m, 3] to those of leaf [n, 3]."""
-    leaf, paper = _thinned(leaf), _thinned(paper)
+    leaf, paper = _subsample(leaf), _subsample(paper)
     scatter = (np.cov(leaf.T) + np.cov(paper.T)) / 2
     # Some levels of noise in each channel, whatever the samples happen to show.
     scatter += np.eye(3) * (0.01 * np.trace(scatter) / 3 + 4.0)
@@ -136,19 +136,19 @@ def _discriminant(leaf: np.ndarray, paper: np.ndarray) -> np.ndarray:
     return (direction / (np.linalg.norm(direction) + 1e-9)).astype(np.float32)
 
 
-def _thinned(colours: np.ndarray) -> np.ndarray:
+def _subsample(colours: np.ndarray) -> np.ndarray:
     """About `_ENOUGH` of `colours` [n, 3]: the statistics of all took a tenth of the time of a photo."""
     return colours[:: max(1, len(colours) // _ENOUGH)]
 
 
-def _local(values: np.ndarray, where: np.ndarray, window: int) -> np.ndarray:
+def _local_mean(values: np.ndarray, where: np.ndarray, window: int) -> np.ndarray:
     """Mean of `values` [h, w] over pixels `where` in a window about each; over all of them where none is."""
     weight = where.astype(np.float32)
     count = cv2.blur(weight, (window, window)) + 0.02
     return (cv2.blur(values * weight, (window, window)) + 0.02 * float(values[where].mean())) / count
 
 
-def _with_petiole(
+def _add_petiole(
     leaf: np.ndarray, core: np.ndarray, odds: np.ndarray, distance: np.ndarray, coarseness: float
 ) -> np.ndarray:
     """`leaf` with the thin leaf-coloured pieces that hang on it and without spurs of ink and loose pieces."""
@@ -157,14 +157,14 @@ def _with_petiole(
     followed = leaf | ((odds > _LEAF_COLOURED) & (distance > 0) & (distance <= reach))
     sturdy = cv2.morphologyEx(followed.astype(np.uint8), cv2.MORPH_OPEN, _disc(_SPUR * coarseness)) > 0
     mask = (core & leaf) | sturdy
-    mask &= leaf | _petiole(mask & ~leaf, distance, reach, core)
+    mask &= leaf | _find_petiole(mask & ~leaf, distance, reach, core)
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
     mine = np.bincount(labels[core & mask], minlength=2)
     mine[0] = 0
     return (labels == mine.argmax()) & mask
 
 
-def _without_gloss(mask: np.ndarray, image: np.ndarray, seen: _Colours) -> np.ndarray:
+def _fill_glossy_holes(mask: np.ndarray, image: np.ndarray, seen: ColourModel) -> np.ndarray:
     """`mask` with those of its holes closed that do not show the paper: a leaf that shines is pale, too."""
     count, labels, statistics, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=4)
     closed = mask.copy()
@@ -173,12 +173,12 @@ def _without_gloss(mask: np.ndarray, image: np.ndarray, seen: _Colours) -> np.nd
         box = slice(top, top + height), slice(left, left + width)
         inside = labels[box] == label
         at_border = left == 0 or top == 0 or left + width == mask.shape[1] or top + height == mask.shape[0]
-        if not at_border and not _shows_paper(image[box][inside].astype(np.float32), seen):
+        if not at_border and not _looks_like_paper(image[box][inside].astype(np.float32), seen):
             closed[box] |= inside
     return closed
 
 
-def _shows_paper(colours: np.ndarray, seen: _Colours) -> bool:
+def _looks_like_paper(colours: np.ndarray, seen: ColourModel) -> bool:
     """Whether `colours` [n, 3] are the paper's: in shade perhaps, but neither greener nor far brighter, and
     ruled like it."""
     red, green, blue = colours.mean(axis=0) / np.maximum(seen.paper, 1)
@@ -186,7 +186,7 @@ def _shows_paper(colours: np.ndarray, seen: _Colours) -> bool:
     return bool(ruled and green <= _GREENER * np.sqrt(red * blue) and green <= _BRIGHTER)
 
 
-def _petiole(beyond: np.ndarray, distance: np.ndarray, reach: float, core: np.ndarray) -> np.ndarray:
+def _find_petiole(beyond: np.ndarray, distance: np.ndarray, reach: float, core: np.ndarray) -> np.ndarray:
     """The one piece of `beyond`, bool [h, w], that may be a petiole: the largest that is thin and comes to an
     end.
 
@@ -205,8 +205,8 @@ def _petiole(beyond: np.ndarray, distance: np.ndarray, reach: float, core: np.nd
 
 def _thick(mask: np.ndarray, radius: float) -> np.ndarray:
     """The parts of `mask`, bool [h, w], that a disc of `radius` pixels fits into."""
-    middles = _distance(mask) > radius
-    return _distance(~middles) <= radius if middles.any() else middles
+    middles = _distance_inside(mask) > radius
+    return _distance_inside(~middles) <= radius if middles.any() else middles
 
 
 def _logit(probability: np.ndarray) -> np.ndarray:
@@ -214,11 +214,11 @@ def _logit(probability: np.ndarray) -> np.ndarray:
     return np.log(bounded / (1 - bounded))
 
 
-def _doubt(odds: np.ndarray) -> float:
+def _expected_errors_px(odds: np.ndarray) -> float:
     return float((1 / (1 + np.exp(np.abs(odds[np.abs(odds) < _COLOUR_MOST])))).sum())
 
 
-def _distance(of: np.ndarray) -> np.ndarray:
+def _distance_inside(of: np.ndarray) -> np.ndarray:
     """Distance of each pixel that is `of`, bool [h, w], from the nearest that is not."""
     return cv2.distanceTransform(of.astype(np.uint8), cv2.DIST_L2, 3)
 

@@ -1,4 +1,4 @@
-"""Estimators against the truth: what came of each photo of a manifest, and the figures of each subset.
+"""Score an estimator on photos of known leaf area, per subset of the manifest.
 
 MRE, median and 90th percentile are relative errors of the area in percent, over the photos that were not
 refused; mIoU (the leaf's intersection over union) and MPE (relative error of the count of leaf pixels) are
@@ -16,14 +16,14 @@ from laesi_tf.data.decoding import decode_mask, decode_photo
 from laesi_tf.data.manifest import Photo
 from laesi_tf.data.prefetch import prefetch
 from laesi_tf.errors import InputError
-from laesi_tf.estimators import Estimator, Known, Measurement
+from laesi_tf.estimators.base import Estimator, Measurement, PhotoInfo
 
 ALL = "all"
 _RESAMPLES = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Score:
+class PhotoScore:
     """What came of one photo of the manifest; what is not known is None."""
 
     photo: Photo
@@ -43,28 +43,30 @@ class Score:
         return 100.0 * (self.predicted_cm2 / self.photo.area_cm2 - 1.0)
 
 
-def evaluate(estimator: Estimator, photos: Sequence[Photo]) -> list[Score]:
+def score_photos(estimator: Estimator, photos: Sequence[Photo]) -> list[PhotoScore]:
     """Measure `photos`; those that cannot be read become scores with an error.
 
     The manifest's scale and grid are handed to the estimator as known. Raises InputError when no photo can be
     read.
     """
     scores = []
-    decoded = progress(prefetch(read, photos), total=len(photos), desc="measuring", unit="photo")
+    decoded = progress(
+        prefetch(load_photo_and_mask, photos), total=len(photos), desc="measuring", unit="photo"
+    )
     for photo, pictures in decoded:
         if isinstance(pictures, InputError):
-            scores.append(Score(photo=photo, error=str(pictures)))
+            scores.append(PhotoScore(photo=photo, error=str(pictures)))
         else:
             image, mask = pictures
-            scores.append(_score(photo, estimator.measure(image, known(photo)), mask))
+            scores.append(_score_photo(photo, estimator.measure(image, photo_info(photo)), mask))
     if all(score.error for score in scores):
         raise InputError(f"none of the {len(scores)} photos can be read; first: {scores[0].error}")
     return scores
 
 
-def subsets(scores: Sequence[Score]) -> dict[str, list[Score]]:
+def group_by_subset(scores: Sequence[PhotoScore]) -> dict[str, list[PhotoScore]]:
     """All scores, those of each subset, and those on each paper that is not ruled in millimetres."""
-    groups: dict[str, list[Score]] = {ALL: list(scores)}
+    groups: dict[str, list[PhotoScore]] = {ALL: list(scores)}
     for name in sorted({score.photo.subset for score in scores if score.photo.subset} - {ALL}):
         groups[name] = [score for score in scores if score.photo.subset == name]
     for grid in sorted({score.photo.grid_mm for score in scores} - {1.0}):
@@ -72,12 +74,12 @@ def subsets(scores: Sequence[Score]) -> dict[str, list[Score]]:
     return groups
 
 
-def summarise(scores: Sequence[Score]) -> dict[str, float | int | None]:
+def summarise(scores: Sequence[PhotoScore]) -> dict[str, float | int | None]:
     """The figures of one subset, n counting the photos that were read; None where nothing is averaged."""
     done = [score for score in scores if score.error is None]
     areas = [(score.predicted_cm2, score.photo.area_cm2) for score in done if score.predicted_cm2 is not None]
     predicted, true = np.array(areas, np.float64).reshape(-1, 2).T
-    low, high = interval(metrics.relative_errors(predicted, true)) if areas else (None, None)
+    low, high = bootstrap_interval(metrics.relative_errors(predicted, true)) if areas else (None, None)
 
     def of_areas(figure: Callable[[np.ndarray, np.ndarray], float]) -> float | None:
         return figure(predicted, true) if areas else None
@@ -97,7 +99,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, float | int | None]:
     }
 
 
-def interval(errors: np.ndarray) -> tuple[float, float]:
+def bootstrap_interval(errors: np.ndarray) -> tuple[float, float]:
     """The 95 % bootstrap interval of the mean of `errors` [N], N >= 1: what another such set might give.
 
     It takes photos for independent; where a leaf or a sheet is on several of them it is somewhat too narrow.
@@ -108,7 +110,7 @@ def interval(errors: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def rank(scores: Sequence[Score]) -> list[Score]:
+def sort_worst_first(scores: Sequence[PhotoScore]) -> list[PhotoScore]:
     """The scores with an area or an IoU, the worst first: by area where any has one, otherwise by IoU."""
     with_area = [score for score in scores if score.relative_error is not None]
     if with_area:
@@ -116,7 +118,7 @@ def rank(scores: Sequence[Score]) -> list[Score]:
     return sorted((score for score in scores if score.iou is not None), key=lambda score: score.iou or 0.0)
 
 
-def read(photo: Photo) -> tuple[np.ndarray, np.ndarray | None]:
+def load_photo_and_mask(photo: Photo) -> tuple[np.ndarray, np.ndarray | None]:
     """The photo, uint8 [H, W, 3], and its true mask, bool [H, W], or None. Raises InputError."""
     image = decode_photo(photo.image)
     mask = None if photo.mask is None else decode_mask(photo.mask)
@@ -125,17 +127,17 @@ def read(photo: Photo) -> tuple[np.ndarray, np.ndarray | None]:
     return image, mask
 
 
-def known(photo: Photo) -> Known:
+def photo_info(photo: Photo) -> PhotoInfo:
     """What the manifest tells an estimator about the photo."""
-    return Known(px_per_mm=photo.px_per_mm, grid_mm=photo.grid_mm)
+    return PhotoInfo(px_per_mm=photo.px_per_mm, grid_mm=photo.grid_mm)
 
 
-def _score(photo: Photo, measured: Measurement, mask: np.ndarray | None) -> Score:
+def _score_photo(photo: Photo, measured: Measurement, mask: np.ndarray | None) -> PhotoScore:
     iou = pixel_error = None
     if mask is not None and measured.mask is not None:
         iou = metrics.miou(measured.mask, mask)
         pixel_error = metrics.mpe(measured.mask, mask)
-    return Score(
+    return PhotoScore(
         photo=photo,
         method=measured.method,
         predicted_cm2=measured.area_cm2,

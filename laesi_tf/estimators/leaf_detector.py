@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from laesi_tf.data.letterbox import Letterbox, letterbox_image
-from laesi_tf.estimators.views import Cut, Views
+from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 
-Predict = Callable[[np.ndarray], np.ndarray]
+MaskPredictor = Callable[[np.ndarray], np.ndarray]
 """A mask network: uint8 [N, h, w, 3] -> leaf probability, float32 [N, h, w, 1]."""
 
 _SEEN, _GLIMPSED = 0.5, 0.2
@@ -53,10 +53,10 @@ _COARSEST_PX, _SHARPEST_PX = 448, 896
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class LeafCandidate:
     """A piece that may be a leaf, in a view of it; `probability` [h, w] covers the network's input."""
 
-    cut: Cut
+    cut: Crop
     probability: np.ndarray
     placement: Letterbox
     piece: np.ndarray
@@ -112,47 +112,53 @@ class Sight:
         return self.cut.to_photo(inner / self.placement.scale[::-1])
 
 
-def find(views: Views, predict: Predict, size: tuple[int, int]) -> list[Sight]:
+def find_leaves(views: PhotoPyramid, predict: MaskPredictor, size: tuple[int, int]) -> list[LeafCandidate]:
     """The leaves on a photo, largest first, as a mask network of input `size` (h, w) sees them."""
     small, placement = views.fitted(size)
     glance = predict(small[np.newaxis])[0, ..., 0]
-    boxes = [sight.box for sight in _pieces(views, views.whole, glance, placement, _GLIMPSED)]
-    found = _distinct(_approached(views, predict, size, boxes, _NARROWEST * views.size.max()))
+    boxes = [sight.box for sight in _extract_candidates(views, views.whole, glance, placement, _GLIMPSED)]
+    found = _remove_duplicates(_zoom_in(views, predict, size, boxes, _NARROWEST * views.size.max()))
     if found:
         typical = float(np.median([sight.longest for sight in found]))
-        found = _told_by_colour(views, predict, size, found)
+        found = _add_leaves_by_colour(views, predict, size, found)
         if typical < _SMALL * views.size.max():
-            found = _tiled(views, predict, size, found, typical)
+            found = _add_leaves_from_tiles(views, predict, size, found, typical)
     else:
         # Too small for a glance. Smaller tiles than these would show edges and print as leaves.
-        found = _tiled(views, predict, size, found, views.size.max() / 8)
-        found = _told_by_colour(views, predict, size, found)
-    return found[:1] + _confirmed(views, predict, size, found[1:])
+        found = _add_leaves_from_tiles(views, predict, size, found, views.size.max() / 8)
+        found = _add_leaves_by_colour(views, predict, size, found)
+    return found[:1] + _confirm_at_lower_zoom(views, predict, size, found[1:])
 
 
-def _told_by_colour(views: Views, predict: Predict, size: tuple[int, int], found: list[Sight]) -> list[Sight]:
+def _add_leaves_by_colour(
+    views: PhotoPyramid, predict: MaskPredictor, size: tuple[int, int], found: list[LeafCandidate]
+) -> list[LeafCandidate]:
     """`found` and, where they are several, as the network overlooks some in one view, what colour shows."""
     if len(found) < 2:
         return found
     small, placement = views.fitted(size)
-    coloured = _coloured(small, placement)
-    boxes = [sight.box for sight in _pieces(views, views.whole, coloured, placement, _SEEN)]
-    more = _approached(views, predict, size, boxes, 0.0)
-    return _distinct(found + _alike_in_area(more, found))
+    coloured = _segment_by_colour(small, placement)
+    boxes = [sight.box for sight in _extract_candidates(views, views.whole, coloured, placement, _SEEN)]
+    more = _zoom_in(views, predict, size, boxes, 0.0)
+    return _remove_duplicates(found + _drop_small(more, found))
 
 
-def _tiled(
-    views: Views, predict: Predict, size: tuple[int, int], found: list[Sight], typical: float
-) -> list[Sight]:
+def _add_leaves_from_tiles(
+    views: PhotoPyramid,
+    predict: MaskPredictor,
+    size: tuple[int, int],
+    found: list[LeafCandidate],
+    typical: float,
+) -> list[LeafCandidate]:
     """`found` and what tiles for leaves `typical` photo pixels long show besides."""
-    tiles = list(_tiles(views.size, typical))
-    glimpsed = [sight for sight in _looked(views, predict, size, tiles, _GLIMPSED) if sight.within]
-    boxes = [sight.box for sight in glimpsed if not _shown(sight, found)]
-    more = _approached(views, predict, size, boxes, _AROUND * typical)
-    return _distinct(found + _alike_in_area(more, found))
+    tiles = list(_tile_photo(views.size, typical))
+    glimpsed = [sight for sight in _segment_crops(views, predict, size, tiles, _GLIMPSED) if sight.within]
+    boxes = [sight.box for sight in glimpsed if not _is_covered_by(sight, found)]
+    more = _zoom_in(views, predict, size, boxes, _AROUND * typical)
+    return _remove_duplicates(found + _drop_small(more, found))
 
 
-def _coloured(small: np.ndarray, placement: Letterbox) -> np.ndarray:
+def _segment_by_colour(small: np.ndarray, placement: Letterbox) -> np.ndarray:
     """1 where `small`, uint8 [h, w, 3], differs in colour from the sheet, else 0: float32 [h, w]."""
     side = min(255, min(placement.extent) // 3 | 1)
     off = cv2.absdiff(small, cv2.medianBlur(small, side)).astype(np.float32).max(axis=2)
@@ -161,20 +167,22 @@ def _coloured(small: np.ndarray, placement: Letterbox) -> np.ndarray:
     return cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(np.float32)
 
 
-def _alike_in_area(sights: Sequence[Sight], found: Sequence[Sight]) -> list[Sight]:
+def _drop_small(sights: Sequence[LeafCandidate], found: Sequence[LeafCandidate]) -> list[LeafCandidate]:
     """Those of `sights` that are not much smaller than the leaves found before."""
     areas = [sight.area for sight in found or sights]
     return [sight for sight in sights if sight.area >= _STRICTER * float(np.median(areas))]
 
 
-def _confirmed(views: Views, predict: Predict, size: tuple[int, int], sights: Sequence[Sight]) -> list[Sight]:
+def _confirm_at_lower_zoom(
+    views: PhotoPyramid, predict: MaskPredictor, size: tuple[int, int], sights: Sequence[LeafCandidate]
+) -> list[LeafCandidate]:
     """Those of `sights` that look alike from further away, as print and specks do not."""
-    boxes = [_square(sight.box, _FURTHER * sight.longest) for sight in sights]
-    again = _looked(views, predict, size, boxes, _SEEN)
-    return [sight for sight in sights if any(_overlap(sight.box, one.box) > _SAME for one in again)]
+    boxes = [_square_around(sight.box, _FURTHER * sight.longest) for sight in sights]
+    again = _segment_crops(views, predict, size, boxes, _SEEN)
+    return [sight for sight in sights if any(_box_iou(sight.box, one.box) > _SAME for one in again)]
 
 
-def _tiles(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
+def _tile_photo(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
     """Overlapping squares over a photo of `size` (width, height) with leaves `leaf` pixels long."""
     side = min(_TILE * leaf, float(size.min()))
     steps = [max(1, int(np.ceil((length - side) / (_STRIDE * leaf))) + 1) for length in size]
@@ -183,46 +191,58 @@ def _tiles(size: np.ndarray, leaf: float) -> Iterator[np.ndarray]:
             yield np.array([[left, top], [left + side, top + side]])
 
 
-def _approached(
-    views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], narrowest: float
-) -> list[Sight]:
+def _zoom_in(
+    views: PhotoPyramid,
+    predict: MaskPredictor,
+    size: tuple[int, int],
+    boxes: Sequence[np.ndarray],
+    narrowest: float,
+) -> list[LeafCandidate]:
     """Look at what is in `boxes` closer and closer until each piece fills its view.
 
     First views have `narrowest` photo pixels or more: of a small leaf a glance often shows but a part.
     """
-    found: list[Sight] = []
+    found: list[LeafCandidate] = []
     tried: list[np.ndarray] = []
-    waiting = _unlike(boxes, tried)
+    waiting = _drop_similar_boxes(boxes, tried)
     for _ in range(_ROUNDS):
         tried += waiting
         following = []
-        squares = [_square(box, narrowest) for box in waiting]
+        squares = [_square_around(box, narrowest) for box in waiting]
         narrowest = 0.0
-        for sight in _looked(views, predict, size, squares, _SEEN):
+        for sight in _segment_crops(views, predict, size, squares, _SEEN):
             if sight.fill < _SLIGHT:
                 continue
-            settled = any(_overlap(sight.box, box) > _ALIKE for box in tried)
+            settled = any(_box_iou(sight.box, box) > _ALIKE for box in tried)
             if not sight.within:
-                following.append(_square(sight.box, 0.0))
+                following.append(_square_around(sight.box, 0.0))
             elif settled or _FILLS[0] <= sight.fill <= _FILLS[1]:
                 found.append(sight)
             else:
                 following.append(sight.box)
-        waiting = _unlike(following, tried)
+        waiting = _drop_similar_boxes(following, tried)
     return found
 
 
-def _looked(
-    views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], threshold: float
-) -> list[Sight]:
+def _segment_crops(
+    views: PhotoPyramid,
+    predict: MaskPredictor,
+    size: tuple[int, int],
+    boxes: Sequence[np.ndarray],
+    threshold: float,
+) -> list[LeafCandidate]:
     """The pieces above a threshold in a view of each box."""
     parts = (boxes[first : first + _MOST] for first in range(0, len(boxes), _MOST))
-    return [sight for part in parts for sight in _looked_at_once(views, predict, size, part, threshold)]
+    return [sight for part in parts for sight in _segment_batch(views, predict, size, part, threshold)]
 
 
-def _looked_at_once(
-    views: Views, predict: Predict, size: tuple[int, int], boxes: Sequence[np.ndarray], threshold: float
-) -> list[Sight]:
+def _segment_batch(
+    views: PhotoPyramid,
+    predict: MaskPredictor,
+    size: tuple[int, int],
+    boxes: Sequence[np.ndarray],
+    threshold: float,
+) -> list[LeafCandidate]:
     cuts = [views.around(box, at_least=_COARSEST_PX, at_most=_SHARPEST_PX) for box in boxes]
     fitted = [letterbox_image(cut.image, size) for cut in cuts]
     seen = predict(np.stack([small for small, _ in fitted]))[..., 0]
@@ -230,23 +250,27 @@ def _looked_at_once(
     return [
         sight
         for cut, probability, (_, placement) in looks
-        for sight in _pieces(views, cut, probability, placement, threshold)
+        for sight in _extract_candidates(views, cut, probability, placement, threshold)
     ]
 
 
-def _pieces(
-    views: Views, cut: Cut, probability: np.ndarray, placement: Letterbox, threshold: float
-) -> list[Sight]:
+def _extract_candidates(
+    views: PhotoPyramid, cut: Crop, probability: np.ndarray, placement: Letterbox, threshold: float
+) -> list[LeafCandidate]:
     """The connected pieces above a threshold in one view."""
     above = (probability >= threshold).astype(np.uint8)
     _, labels, statistics, _ = cv2.connectedComponentsWithStats(above)
     large = np.flatnonzero(statistics[:, cv2.CC_STAT_AREA] >= _SPECK)
-    found = [_sight(views, cut, probability, placement, labels == label) for label in large if label > 0]
+    found = [
+        _make_candidate(views, cut, probability, placement, labels == label) for label in large if label > 0
+    ]
     # In the filling around a photo of another shape there is nothing.
     return [sight for sight in found if (sight.box[1] > sight.box[0]).all()]
 
 
-def _sight(views: Views, cut: Cut, probability: np.ndarray, placement: Letterbox, piece: np.ndarray) -> Sight:
+def _make_candidate(
+    views: PhotoPyramid, cut: Crop, probability: np.ndarray, placement: Letterbox, piece: np.ndarray
+) -> LeafCandidate:
     left, top, width, height = cv2.boundingRect(piece.astype(np.uint8))
     corners = np.array([[left, top], [left + width, top + height]]) - placement.offset[::-1]
     end = np.array(cut.image.shape[1::-1])
@@ -254,40 +278,42 @@ def _sight(views: Views, cut: Cut, probability: np.ndarray, placement: Letterbox
     corners = np.clip(corners * pixel, 0, end)
     touching = np.stack([corners[0] <= 1.01 * pixel, corners[1] >= end - 1.01 * pixel])
     beyond = np.stack([cut.origin > 0.5, cut.to_photo(end) < views.size - 0.5])
-    return Sight(cut, probability, placement, piece, cut.to_photo(corners), not (touching & beyond).any())
+    return LeafCandidate(
+        cut, probability, placement, piece, cut.to_photo(corners), not (touching & beyond).any()
+    )
 
 
-def _distinct(sights: Sequence[Sight]) -> list[Sight]:
+def _remove_duplicates(sights: Sequence[LeafCandidate]) -> list[LeafCandidate]:
     """`sights`, the largest first, without those that are part of another and without crumbs."""
-    kept: list[Sight] = []
+    kept: list[LeafCandidate] = []
     for sight in sorted(sights, key=lambda sight: -sight.area):
-        if (not kept or sight.area >= _LEAST * kept[0].area) and not _shown(sight, kept):
+        if (not kept or sight.area >= _LEAST * kept[0].area) and not _is_covered_by(sight, kept):
             kept.append(sight)
     return kept
 
 
-def _shown(sight: Sight, kept: Sequence[Sight]) -> bool:
+def _is_covered_by(sight: LeafCandidate, kept: Sequence[LeafCandidate]) -> bool:
     """Whether a piece is for the most part one of `kept`."""
     points = sight.points()
     return any(other.holds(points).mean() > 0.4 for other in kept)
 
 
-def _unlike(boxes: Sequence[np.ndarray], tried: Sequence[np.ndarray]) -> list[np.ndarray]:
+def _drop_similar_boxes(boxes: Sequence[np.ndarray], tried: Sequence[np.ndarray]) -> list[np.ndarray]:
     """`boxes` that show neither the same as another of them nor as one of `tried`."""
     kept: list[np.ndarray] = []
     for box in boxes:
-        if all(_overlap(box, other) <= _ALIKE for other in [*tried, *kept]):
+        if all(_box_iou(box, other) <= _ALIKE for other in [*tried, *kept]):
             kept.append(box)
     return kept[:_MOST]
 
 
-def _square(box: np.ndarray, narrowest: float) -> np.ndarray:
+def _square_around(box: np.ndarray, narrowest: float) -> np.ndarray:
     """The close view of what is in `box`, `narrowest` photo pixels wide or more."""
     middle, side = box.mean(axis=0), max(narrowest, _ROOM * float((box[1] - box[0]).max()))
     return np.stack([middle - side / 2, middle + side / 2])
 
 
-def _overlap(one: np.ndarray, other: np.ndarray) -> float:
+def _box_iou(one: np.ndarray, other: np.ndarray) -> float:
     """Intersection over union of two boxes."""
     shared = np.clip(np.minimum(one[1], other[1]) - np.maximum(one[0], other[0]), 0, None).prod()
     return float(shared / ((one[1] - one[0]).prod() + (other[1] - other[0]).prod() - shared))

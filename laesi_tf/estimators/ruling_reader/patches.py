@@ -7,7 +7,7 @@ photo, whose top left corner is at (BORDER, BORDER).
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators.spectra import SIDE, local_mean
+from laesi_tf.estimators.ruling_reader.spectra import SIDE, local_mean
 
 PICTURE = 1536
 """Longest side of a photo in the working picture, pixels: 1 mm is then at least 5 in views up to 30 cm."""
@@ -28,7 +28,7 @@ _BARE = 0.35
 others."""
 
 
-def chosen(picture: tf.Tensor, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+def choose_patches(picture: tf.Tensor, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
     """Patches float [COUNT, SIDE, SIDE] of a photo of `size` int [2] (height, width), their middles (x, y) in
     pixels [COUNT, 2], and the pixels that one of theirs stands for [COUNT]."""
     order = np.random.default_rng(0).permutation(_PLACES**2).astype(np.float32)
@@ -66,7 +66,7 @@ def _cut(picture: tf.Tensor, corners: tf.Tensor, side: int) -> tf.Tensor:
     return tf.reshape(tf.cast(tf.gather(pieces, index), tf.float32), [-1, side, side])
 
 
-def straightened(
+def rectify_patches(
     picture: tf.Tensor, size: tf.Tensor, lattice: tf.Tensor, middles: tf.Tensor, step: tf.Tensor
 ) -> tf.Tensor:
     """Patches float [K, SIDE, SIDE] seen straight on.
@@ -91,7 +91,7 @@ def straightened(
     return tf.cast(tf.gather(tf.reshape(picture, [-1]), index), tf.float32)
 
 
-def ink(patches: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+def extract_ink(patches: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Contrast [K, SIDE, SIDE] of patches [K, SIDE, SIDE] within -3..3, and 1 for those of bare paper [K].
 
     It is free of shading and of one strong edge's dominance.

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators.lattice import Peaks, fitted, gradients
-from laesi_tf.estimators.spectra import BINS, Spectra, at, upright, within
+from laesi_tf.estimators.ruling_reader.lattice import Peaks, fit_to_peaks, lattice_frequencies
+from laesi_tf.estimators.ruling_reader.spectra import BINS, Spectra, gather_bins, is_inside, to_half_plane
 
 _FAINT, _LOUD = 2.0, 6.0
 """Log-power over its surroundings that a peak must have, and beyond which it is trusted no more."""
@@ -14,7 +14,7 @@ _NEAREST = 2.7
 """Least reach of the search, bins."""
 
 
-def regrown(
+def grow_lattices(
     spectra: Spectra, lattice: tf.Tensor, start: tf.Tensor, stages: tuple[tuple[float, float], ...]
 ) -> tuple[tf.Tensor, tf.Tensor]:
     """Fit lattices [B, 6] by stages of (reach from `start` [B, 2], tolerance of peaks); and bool [B]: peaks
@@ -22,41 +22,45 @@ def regrown(
     distance = tf.norm(spectra.centres[None] - start[:, None], axis=-1)
     good = tf.ones_like(lattice[:, 0]) > 0
     for reach, tolerance in stages:
-        peaks = measured(spectra, lattice, tolerance)
+        peaks = measure_peaks(spectra, lattice, tolerance)
         weight = peaks.weight * tf.cast(distance <= reach, tf.float32)[..., None]
-        lattice = fitted(lattice, spectra.centres, Peaks(peaks.at, weight))
+        lattice = fit_to_peaks(lattice, spectra.centres, Peaks(peaks.at, weight))
         good &= tf.reduce_sum(tf.cast(weight > 0, tf.float32), axis=[1, 2]) >= 4
     return lattice, good
 
 
-def measured(spectra: Spectra, lattice: tf.Tensor, tolerance: float) -> Peaks:
+def measure_peaks(spectra: Spectra, lattice: tf.Tensor, tolerance: float) -> Peaks:
     """The highest points of the spectra within `tolerance`, relative, of the frequencies of lattices [B,
     6]."""
     bins = spectra.bins[:, None, None]
-    expected = gradients(lattice, spectra.centres) * bins
-    place, sign = upright(expected)
+    expected = lattice_frequencies(lattice, spectra.centres) * bins
+    place, sign = to_half_plane(expected)
     reach = tf.maximum(_NEAREST, tolerance * tf.norm(place, axis=-1))
-    inside = within(place, reach + 1)
+    inside = is_inside(place, reach + 1)
     nearest = tf.cast(tf.round(tf.where(inside[..., None], place, 0)), tf.int32)
     offsets = _window(tolerance)
     patch = tf.range(spectra.loud.shape[0])[None, :, None]
     column, row = nearest[..., 0], nearest[..., 1]
-    seen = at(
+    seen = gather_bins(
         spectra.loud, patch[..., None], row[..., None] + offsets[:, 1], column[..., None] + offsets[:, 0]
     )
     away = tf.cast(nearest, tf.float32)[..., None, :] + offsets.astype(np.float32) - place[..., None, :]
     near = tf.norm(away, axis=-1) <= reach[..., None]
     best = tf.gather(offsets, tf.argmax(tf.where(near, seen, -1e9), axis=-1, output_type=tf.int32))
     column, row = column + best[..., 0], row + best[..., 1]
-    height = at(spectra.loud, patch, row, column)
-    above = height - at(spectra.level, patch, row, column)
+    height = gather_bins(spectra.loud, patch, row, column)
+    above = height - gather_bins(spectra.level, patch, row, column)
     shift = tf.stack(
         [
-            _vertex(
-                at(spectra.loud, patch, row, column - 1), height, at(spectra.loud, patch, row, column + 1)
+            _interpolate_vertex(
+                gather_bins(spectra.loud, patch, row, column - 1),
+                height,
+                gather_bins(spectra.loud, patch, row, column + 1),
             ),
-            _vertex(
-                at(spectra.loud, patch, row - 1, column), height, at(spectra.loud, patch, row + 1, column)
+            _interpolate_vertex(
+                gather_bins(spectra.loud, patch, row - 1, column),
+                height,
+                gather_bins(spectra.loud, patch, row + 1, column),
             ),
         ],
         axis=-1,
@@ -75,7 +79,7 @@ def _window(tolerance: float) -> np.ndarray:
     return grid[np.hypot(*grid.T) <= radius + 1]
 
 
-def _vertex(before: tf.Tensor, middle: tf.Tensor, after: tf.Tensor) -> tf.Tensor:
+def _interpolate_vertex(before: tf.Tensor, middle: tf.Tensor, after: tf.Tensor) -> tf.Tensor:
     """Offset of the vertex of the parabola through three samples from the middle one."""
     curvature = before - 2 * middle + after
     offset = (before - after) / tf.minimum(2 * curvature, -1e-6)

@@ -1,14 +1,14 @@
-"""A leaf's outline and what is measured of it: area, holes, length, width and perimeter.
-
-Outlines are polygons with vertices between the pixels, mapped to the sheet before anything is measured:
-straight lines stay straight under a homography, so that the area of the mapped polygon is exact whatever the
-tilt.
-"""
-
-from dataclasses import dataclass
+"""Points, homographies, polygons and contours in NumPy, in one convention."""
 
 import cv2
 import numpy as np
+
+
+def trace_largest_contour(mask: np.ndarray) -> np.ndarray:
+    """Outer contour [N, 2], (x, y) at pixel centres, of the largest piece of `mask`, bool [H, W]."""
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    return max(contours, key=cv2.contourArea)[:, 0, :]
+
 
 _SMOOTH = 1.0
 """Standard deviation, pixels, of the blur whose level of one half the outline follows: it takes the steps
@@ -18,23 +18,7 @@ _PAD = 4
 _LEAST_HOLE_PX = 6.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shape:
-    """Figures of one leaf in the unit of its outline; areas in its square."""
-
-    area: float
-    """Holes subtracted."""
-    holes: float
-    """Area of the holes together."""
-    length: float
-    """Extent along the main axis, that of the outline's second moments, petiole included."""
-    width: float
-    """Extent across the main axis."""
-    perimeter: float
-    """Of the outer margin."""
-
-
-def polygons(mask: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+def trace_polygons(mask: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
     """Outer margin and holes of the largest piece of `mask`, bool [h, w].
 
     Each is [N, 2], (x, y) with pixel centres at halves.
@@ -47,13 +31,13 @@ def polygons(mask: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
     )
     inner = [contours[index] for index in range(len(contours)) if hierarchy[0, index, 3] == outer]
     soft = cv2.GaussianBlur(padded.astype(np.float32), (0, 0), _SMOOTH)
-    holes = [_settled(soft, hole[:, 0]) for hole in inner]
-    return _settled(soft, contours[outer][:, 0]), tuple(
-        hole for hole in holes if abs(_area(hole)) >= _LEAST_HOLE_PX
+    holes = [_move_to_half_level(soft, hole[:, 0]) for hole in inner]
+    return _move_to_half_level(soft, contours[outer][:, 0]), tuple(
+        hole for hole in holes if abs(polygon_area(hole)) >= _LEAST_HOLE_PX
     )
 
 
-def _settled(soft: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def _move_to_half_level(soft: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Border `pixels` [N, 2] moved along the slope of the blurred mask to where it is one half."""
     x, y = pixels.T
     slope = np.stack([soft[y, x + 1] - soft[y, x - 1], soft[y + 1, x] - soft[y - 1, x]], axis=1) / 2
@@ -65,33 +49,19 @@ def _settled(soft: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     return pixels + depth[:, None] * outward + 0.5 - _PAD
 
 
-def mapped(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
+def apply_homography(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
     """`points` [N, 2] through a homography [3, 3]."""
     homogeneous = np.column_stack([points, np.ones(len(points))]) @ homography.T
     return homogeneous[:, :2] / homogeneous[:, 2:]
 
 
-def px_per_mm(to_mm: np.ndarray, point: np.ndarray) -> float:
+def compute_px_per_mm(to_mm: np.ndarray, point: np.ndarray) -> float:
     """Scale at `point` [2] of a homography from pixels to mm, in geometric mean over directions."""
     w = to_mm[2] @ [*point, 1]
     return float(np.sqrt(abs(w) ** 3 / abs(np.linalg.det(to_mm))))
 
 
-def shape(outline: np.ndarray, holes: tuple[np.ndarray, ...]) -> Shape:
-    """Figures of the leaf within `outline` [N, 2] without its `holes`, [n, 2] each."""
-    gaps = sum(abs(_area(hole)) for hole in holes)
-    axis = main_axis(outline)
-    along, across = outline @ axis, outline @ [-axis[1], axis[0]]
-    return Shape(
-        area=abs(_area(outline)) - gaps,
-        holes=gaps,
-        length=float(np.ptp(along)),
-        width=float(np.ptp(across)),
-        perimeter=float(np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).sum()),
-    )
-
-
-def centroid(outline: np.ndarray) -> np.ndarray:
+def polygon_centroid(outline: np.ndarray) -> np.ndarray:
     """Middle [2] of the area within a polygon [N, 2]."""
     middle = outline.mean(axis=0)
     one, other = outline - middle, np.roll(outline - middle, -1, axis=0)
@@ -103,7 +73,7 @@ def centroid(outline: np.ndarray) -> np.ndarray:
 
 def main_axis(outline: np.ndarray) -> np.ndarray:
     """Direction [2], of unit length, in which the area within a polygon [N, 2] extends most."""
-    one = outline - centroid(outline)
+    one = outline - polygon_centroid(outline)
     other = np.roll(one, -1, axis=0)
     cross = one[:, 0] * other[:, 1] - other[:, 0] * one[:, 1]
     products = [np.einsum("n,ni,nj->ij", cross, a, b) for a, b in ((one, one), (one, other), (other, other))]
@@ -111,6 +81,6 @@ def main_axis(outline: np.ndarray) -> np.ndarray:
     return np.linalg.eigh(moments * np.sign(cross.sum()))[1][:, 1]
 
 
-def _area(polygon: np.ndarray) -> float:
+def polygon_area(polygon: np.ndarray) -> float:
     x, y = (polygon - polygon[0]).T
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)

@@ -38,53 +38,53 @@ class Spectra(NamedTuple):
         Also where they are within the spectrum, bool.
         """
         extra = [1] * (frequency.shape.rank - 2)
-        place = upright(frequency * tf.reshape(self.bins, [1, -1, *extra]))[0]
-        inside = within(place, 3.0) & (tf.norm(place, axis=-1) > 3.5)
+        place = to_half_plane(frequency * tf.reshape(self.bins, [1, -1, *extra]))[0]
+        inside = is_inside(place, 3.0) & (tf.norm(place, axis=-1) > 3.5)
         column, row = tf.unstack(
             tf.cast(tf.round(tf.where(inside[..., None], place, 0.0)), tf.int32), axis=-1
         )
         patch = tf.reshape(tf.range(self.loud.shape[0]), [1, -1, *extra[1:]])
         around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2).astype(np.int32)
-        seen = at(
+        seen = gather_bins(
             self.loud, patch[..., None], row[..., None] + around[:, 1], column[..., None] + around[:, 0]
         )
         highest = tf.reduce_max(seen, axis=-1)
-        return seen[..., 4], prominence(highest, at(self.level, patch, row, column)), inside
+        return seen[..., 4], compute_prominence(highest, gather_bins(self.level, patch, row, column)), inside
 
 
-def prominence(highest: tf.Tensor, level: tf.Tensor) -> tf.Tensor:
+def compute_prominence(highest: tf.Tensor, level: tf.Tensor) -> tf.Tensor:
     """How far a frequency or its best neighbour stands out, log-power, at least 0."""
     return tf.nn.relu(highest - level - 1)
 
 
-def prominences(spectra: Spectra, stride: int) -> tf.Tensor:
+def compute_prominences(spectra: Spectra, stride: int) -> tf.Tensor:
     """Prominence [K / stride, BINS, COLUMNS] of every frequency of every `stride`-th patch, 0 where not
     valid."""
     loud = spectra.loud[::stride]
     highest = tf.nn.max_pool2d(loud[..., None], 3, 1, "SAME")[..., 0]
-    return prominence(highest, spectra.level[::stride]) * spectra.valid[::stride, None, None]
+    return compute_prominence(highest, spectra.level[::stride]) * spectra.valid[::stride, None, None]
 
 
-def upright(frequency: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+def to_half_plane(frequency: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Frequencies [..., 2] turned into the half plane that spectra hold, and the signs [..., 1] that did
     it."""
     sign = tf.where(frequency[..., :1] < 0, -1.0, 1.0)
     return frequency * sign, sign
 
 
-def within(place: tf.Tensor, margin: tf.Tensor | float) -> tf.Tensor:
+def is_inside(place: tf.Tensor, margin: tf.Tensor | float) -> tf.Tensor:
     """Whether frequencies [..., 2] in bins keep `margin` bins from the end of the spectrum."""
     return tf.reduce_max(tf.abs(place), axis=-1) < BINS // 2 - 1 - margin
 
 
-def at(values: tf.Tensor, patch: tf.Tensor, row: tf.Tensor, column: tf.Tensor) -> tf.Tensor:
+def gather_bins(values: tf.Tensor, patch: tf.Tensor, row: tf.Tensor, column: tf.Tensor) -> tf.Tensor:
     """`values` [K, BINS, COLUMNS] at frequencies of -BINS / 2 < `row`, `column` < BINS / 2 bins."""
     row = tf.where(column < 0, -row, row)
     row = tf.where(row < 0, row + BINS, row)
     return tf.gather(tf.reshape(values, [-1]), (patch * BINS + row) * COLUMNS + tf.abs(column))
 
 
-def spectra(detail: tf.Tensor, centres: tf.Tensor, valid: tf.Tensor, bins: tf.Tensor) -> Spectra:
+def compute_spectra(detail: tf.Tensor, centres: tf.Tensor, valid: tf.Tensor, bins: tf.Tensor) -> Spectra:
     """The spectra of flattened patches [K, SIDE, SIDE]; the rest as in `Spectra`."""
     windowed = (detail - tf.reduce_mean(detail, axis=[1, 2], keepdims=True)) * _WINDOW
     padded = tf.pad(windowed, [[0, 0], [0, BINS - SIDE], [0, BINS - SIDE]])

@@ -1,8 +1,36 @@
-"""How far the camera was tilted, from the homography between photo and sheet."""
+"""What the homography between photo and sheet says about the camera: scale and tilt."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Ruling:
+    """A homography from photo pixels to sheet millimetres, up to translation, and how well it is founded.
+
+    `forward` [3, 3] maps (x, y, 1) in pixels, pixel centres at whole numbers plus one half.
+    """
+
+    forward: np.ndarray
+    tilt_deg: float
+    """Angle between the camera's axis and the paper's normal; what is assumed, `tilt.tilt_deg` says."""
+    confidence: float
+    """Chance in 0..1 that the scale is right within 1 %."""
+    inliers: int
+    spread: float
+    """Median relative disagreement between the measured and the fitted frequency vectors."""
+
+    def mm2_per_px(self, points: np.ndarray) -> np.ndarray:
+        """Sheet area under a pixel, mm2, at `points` [N, 2] in pixels: the Jacobian's determinant."""
+        w = points @ self.forward[2, :2] + self.forward[2, 2]
+        return abs(np.linalg.det(self.forward)) / np.abs(w) ** 3
+
+    def px_per_mm(self, point: np.ndarray) -> float:
+        """Scale at `point` [2]."""
+        return float(1 / np.sqrt(self.mm2_per_px(point[None])[0]))
+
 
 _FOCAL = 0.78
 """Focal length of a phone's main camera in units of the photo's longer side: 28 mm on 36 mm."""
@@ -10,7 +38,7 @@ _FOCALS = 0.5, 3.0
 """Focal lengths that are believed: an ultra-wide camera, and a photo cut to a quarter."""
 
 
-def tilt_deg(forward: np.ndarray, size: tuple[int, int]) -> float:
+def estimate_tilt_deg(forward: np.ndarray, size: tuple[int, int]) -> float:
     """Angle in degrees between the camera's axis and the paper's normal, from `forward` [3, 3] (pixels to
     mm).
 

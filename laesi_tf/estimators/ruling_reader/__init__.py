@@ -1,0 +1,1 @@
+"""The reader of rulings in spectra of patches."""
