@@ -9,14 +9,14 @@ import tensorflow as tf
 import tomli_w
 
 from experiments.experiment_specs import Experiment, Job, shorten
+from laesi_tf.common.atomic_files import short_sha256, write_text
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import dataset_spec, synthetic
 from laesi_tf.data.dataset_generation import generate_dataset
 from laesi_tf.data.dataset_spec import DatasetSpec
 from laesi_tf.data.image_folders import MANIFEST_FILE
 from laesi_tf.data.manifest import Photo, read_manifest
 from laesi_tf.data.photo_dataset import load_into_memory
-from laesi_tf.errors import InputError
-from laesi_tf.files import digest, write_text
 from laesi_tf.synthesis import load_ranges
 from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
@@ -42,7 +42,7 @@ class PhotoSplits:
     @property
     def digest(self) -> str:
         """Tells this manifest from another."""
-        return digest(self.manifest)
+        return short_sha256(self.manifest)
 
     @property
     def masked(self) -> bool:

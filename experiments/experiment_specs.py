@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from laesi_tf import config as configuration
-from laesi_tf.config import TrainConfig
-from laesi_tf.errors import InputError
+from laesi_tf.common import schema
+from laesi_tf.common.errors import InputError
+from laesi_tf.training import config_files
+from laesi_tf.training.config import TrainConfig
 
 HERE = Path(__file__).parent
 METRICS = ("val_mre", "test_mre", "miou", "mpe")
@@ -104,9 +105,9 @@ def job_config(task: str, *, scale: float, **values: Any) -> TrainConfig:
 
     The side shrinks with the root of `scale`, to a multiple of 32 pixels.
     """
-    recipe = configuration.read(HERE / "recipe.toml")
+    recipe = schema.read_toml(HERE / "recipe.toml")
     keys = recipe["shared"] | recipe[task] | {"task": task} | values
     keys["size"] = max(32, round(keys["size"] * math.sqrt(scale) / 32) * 32)
     for name in ("steps", "validate_every", "checkpoint_every"):
         keys[name] = shorten(keys[name], scale)
-    return configuration.from_mapping(keys)
+    return config_files.config_from_dict(keys)

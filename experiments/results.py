@@ -8,8 +8,8 @@ from typing import Any
 
 from experiments.experiment_specs import METRICS, Experiment
 from experiments.paths import MEASURED, SETTINGS
-from laesi_tf.errors import InputError
-from laesi_tf.files import read_json
+from laesi_tf.common.atomic_files import read_json
+from laesi_tf.common.errors import InputError
 
 _SOURCES = {
     "val_mre": ("val", "mre"),

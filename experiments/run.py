@@ -13,7 +13,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import above_zero, parser, positive, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.parsing import positive_float, positive_int
+from laesi_tf.training.trainer import TrainingDiverged
 
 # isort: split
 import tensorflow as tf
@@ -22,8 +26,6 @@ from experiments.datasets import read_photos
 from experiments.experiment_specs import Job, load_experiments, plan_jobs
 from experiments.paths import DEFAULT_OUT, SETTINGS
 from experiments.runner import ExperimentRunner, Metrics
-from laesi_tf.files import require_writable, write_json
-from laesi_tf.training import Diverged
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -74,7 +76,7 @@ def _run_job(study: ExperimentRunner, trial: Job) -> Metrics | str:
         return f"missing: {reason}"
     try:
         return study.run(trial)
-    except Diverged as error:
+    except TrainingDiverged as error:
         return str(error)
 
 
@@ -89,7 +91,7 @@ def _describe_metrics(figures: Metrics) -> str:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("run", __doc__, package="experiments")
+    made = make_parser("run", __doc__, package="experiments")
     made.add_argument(
         "names",
         nargs="*",
@@ -99,10 +101,12 @@ def _make_parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--photos", type=Path, required=True, metavar="CSV", help="manifest: image,area_cm2,split,mask,..."
     )
-    made.add_argument("--seeds", type=positive, default=3, metavar="N", help="repetitions of each experiment")
+    made.add_argument(
+        "--seeds", type=positive_int, default=3, metavar="N", help="repetitions of each experiment"
+    )
     made.add_argument(
         "--scale",
-        type=functools.partial(above_zero, most=1.0, what="share"),
+        type=functools.partial(positive_float, most=1.0, what="share"),
         default=1.0,
         metavar="SHARE",
         help="share of the pictures and steps, on smaller pictures: a shortened version, and marked as such",
@@ -122,4 +126,4 @@ def _make_parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

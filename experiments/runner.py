@@ -12,17 +12,17 @@ from experiments.datasets import PhotoSplits
 from experiments.experiment_specs import Job, job_config
 from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.paths import MEASURED, MIXTURE, SETTINGS
-from laesi_tf import runs
-from laesi_tf.config import TrainConfig
+from laesi_tf.common.atomic_files import read_json, write_json
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.synthetic import TaskName
-from laesi_tf.errors import InputError
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
 from laesi_tf.evaluation.photo_scores import score_photos, summarise
-from laesi_tf.files import read_json, write_json
-from laesi_tf.runs import Run, load_run
-from laesi_tf.training import fit
+from laesi_tf.models.saved_model import Run, load_run
+from laesi_tf.training import run_directory
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.loop import fit
 
 _EVALUATED_SPLITS = ("val", "test")
 
@@ -68,7 +68,7 @@ class ExperimentRunner:
         if not path.is_file():
             write_json(path, self._by_rules(trial) if by_rules else self._trained(trial))
         elif not by_rules:
-            runs.origin_of(path.parent, self._config(trial))
+            run_directory.check_run_directory(path.parent, self._config(trial))
         return read_json(path)
 
     def finished(self, trial: Job) -> bool:

@@ -7,7 +7,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from laesi_tf.cli import parser, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json, write_text
 
 # isort: split
 from experiments import figures
@@ -24,7 +26,6 @@ from experiments.table_text import (
     to_markdown,
     write_notes,
 )
-from laesi_tf.files import require_writable, write_csv, write_figure, write_json, write_text
 
 _FILES = ("table.md", "table.csv", "table.png", "sizes.png")
 
@@ -55,7 +56,7 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("table", __doc__, package="experiments")
+    made = make_parser("table", __doc__, package="experiments")
     made.add_argument(
         "--runs", type=Path, default=DEFAULT_OUT, metavar="DIR", help="--out of experiments.run"
     )
@@ -69,4 +70,4 @@ def _make_parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

@@ -7,7 +7,8 @@ interquartile range. A difference smaller than its range is noise.
 from collections.abc import Callable, Sequence
 
 from laesi_tf.benchmarks import photo_speed, synthesis_speed
-from laesi_tf.cli import parser, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
 
 BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
     "synthesis": synthesis_speed.main,
@@ -17,10 +18,10 @@ BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
 
 def main(arguments: Sequence[str]) -> None:
     """Hand over to the benchmark that the first argument names."""
-    chooser = parser("benchmark", __doc__)
+    chooser = make_parser("benchmark", __doc__)
     chooser.add_argument("what", choices=tuple(BENCHMARKS), help="what to measure")
     BENCHMARKS[chooser.parse_args(arguments[:1]).what](arguments[1:])
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

@@ -11,7 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from laesi_tf.cli import add_models, parser, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
 from laesi_tf.common.geometry import trace_largest_contour
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.manifest import read_manifest
@@ -26,7 +29,6 @@ from laesi_tf.evaluation.photo_scores import (
     sort_worst_first,
     summarise,
 )
-from laesi_tf.files import require_writable, write_csv, write_json
 from laesi_tf.reporting.captions import add_caption, make_contact_sheet
 from laesi_tf.reporting.overlay import PREDICTED_COLOUR, TRUE_COLOUR, draw_outlines, write_png
 
@@ -59,8 +61,8 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    made = parser("evaluate", __doc__)
-    add_models(made)
+    made = make_parser("evaluate", __doc__)
+    add_model_arguments(made)
     made.add_argument(
         "--photos", type=Path, required=True, metavar="CSV", help="manifest: image,area_cm2,..."
     )
@@ -138,4 +140,4 @@ def _cell(value: float | None, digits: int) -> str:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

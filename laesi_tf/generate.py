@@ -10,14 +10,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import parser, positive, run, size
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.parsing import image_size, positive_int
 from laesi_tf.synthesis import load_ranges
 from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
 # isort: split
 from laesi_tf.data.dataset_generation import SHARD_WRITERS, generate_dataset
 from laesi_tf.data.dataset_spec import DatasetSpec
-from laesi_tf.files import require_writable, write_json
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -51,10 +53,14 @@ def _format_summary(figures: dict[str, Any], out: Path) -> str:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("generate", __doc__)
-    made.add_argument("--count", type=positive, required=True, metavar="N", help="pictures in the data set")
+    made = make_parser("generate", __doc__)
+    made.add_argument(
+        "--count", type=positive_int, required=True, metavar="N", help="pictures in the data set"
+    )
     made.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the data set")
-    made.add_argument("--size", type=size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH")
+    made.add_argument(
+        "--size", type=image_size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH"
+    )
     made.add_argument(
         "--seed",
         type=int,
@@ -65,7 +71,7 @@ def _make_parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--format", choices=tuple(SHARD_WRITERS), default="records", help="TFRecord, or JPEG and PNG"
     )
-    made.add_argument("--per-shard", type=positive, default=1000, metavar="N", help="pictures in a shard")
+    made.add_argument("--per-shard", type=positive_int, default=1000, metavar="N", help="pictures in a shard")
     made.add_argument(
         "--shard",
         type=_parse_shard_fraction,
@@ -84,4 +90,4 @@ def _parse_shard_fraction(text: str) -> tuple[int, int]:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

@@ -12,14 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from laesi_tf.cli import above_zero, add_models, parser, progress, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.parsing import positive_float
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
 from laesi_tf.data.prefetch import prefetch
-from laesi_tf.errors import InputError
 from laesi_tf.estimators.base import Estimator, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.estimators.factory import load_estimator
-from laesi_tf.files import require_writable, write_csv, write_json
 from laesi_tf.reporting.captions import add_caption, draw_labels
 from laesi_tf.reporting.overlay import OVERLAY_SIDE_PX, PREDICTED_COLOUR, draw_grid, draw_outlines, write_png
 
@@ -82,7 +86,7 @@ def predict(estimator: Estimator, photos: Sequence[Path], *, known: PhotoInfo, o
     """
     rows: list[Row] = []
     names = _overlay_names(photos)
-    decoded = progress(prefetch(decode_photo, photos), total=len(photos), desc="measuring", unit="photo")
+    decoded = progress_bar(prefetch(decode_photo, photos), total=len(photos), desc="measuring", unit="photo")
     for photo, image in decoded:
         if isinstance(image, InputError):
             rows.append(Row(photo=str(photo), error=str(image)))
@@ -97,17 +101,21 @@ def predict(estimator: Estimator, photos: Sequence[Path], *, known: PhotoInfo, o
 
 
 def _parser() -> argparse.ArgumentParser:
-    made = parser("predict", __doc__)
+    made = make_parser("predict", __doc__)
     made.add_argument("photos", nargs="+", type=Path, metavar="PHOTO", help="a photo, or a folder of photos")
-    add_models(made)
+    add_model_arguments(made)
     made.add_argument(
         "--px-per-mm",
-        type=above_zero,
+        type=positive_float,
         metavar="N",
         help="scale of all photos in pixels per mm, for rule_based or a mask model alone",
     )
     made.add_argument(
-        "--grid-mm", type=above_zero, default=1.0, metavar="MM", help="distance of the paper's finest lines"
+        "--grid-mm",
+        type=positive_float,
+        default=1.0,
+        metavar="MM",
+        help="distance of the paper's finest lines",
     )
     made.add_argument(
         "--out",
@@ -264,4 +272,4 @@ def _line(rows: Sequence[Row]) -> str:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

@@ -9,9 +9,10 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from laesi_tf.cli import parser, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.data.manifest import read_manifest
-from laesi_tf.files import require_writable, write_json
 from laesi_tf.reporting.captions import make_contact_sheet
 from laesi_tf.reporting.overlay import write_png
 from laesi_tf.reporting.scene_tiles import (
@@ -63,7 +64,7 @@ def _print_ranges(ranges: Ranges, figures: Path | None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    made = parser("preview", __doc__)
+    made = make_parser("preview", __doc__)
     made.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="where scenes come from")
     made.add_argument("--seed", type=int, default=0, help="seed of the scenes")
     made.add_argument("--count", type=_count_argument, default=24, metavar="N", help="scenes to show")
@@ -91,4 +92,4 @@ def _side_argument(text: str) -> int:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

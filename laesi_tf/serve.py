@@ -8,18 +8,18 @@ import signal
 import threading
 from collections.abc import Sequence
 
-from laesi_tf.cli import parser, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.errors import InputError
 
 # isort: split
 import tensorflow as tf
 
-from laesi_tf.errors import InputError
-from laesi_tf.files import require_writable, write_json
-
 
 def main(arguments: Sequence[str]) -> None:
     """Start the servers, say where, and serve until stopped."""
-    command = parser("serve", __doc__)
+    command = make_parser("serve", __doc__)
     command.add_argument(
         "--port", type=int, default=5050, metavar="N", help="where trainings ask for pictures"
     )
@@ -67,4 +67,4 @@ def _wait_for_stop_signal() -> None:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

@@ -10,7 +10,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import parser, positive, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_json, write_text
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.parsing import positive_int
 from laesi_tf.reporting.captions import add_caption, make_contact_sheet
 from laesi_tf.reporting.overlay import write_png
 
@@ -18,9 +22,7 @@ from laesi_tf.reporting.overlay import write_png
 import numpy as np
 
 from laesi_tf.data.image_sets import load_images
-from laesi_tf.errors import InputError
 from laesi_tf.evaluation.feature_similarity import find_closest_pairs, nearest_cosines
-from laesi_tf.files import require_writable, write_csv, write_json, write_text
 from laesi_tf.models.image_embedding import NETWORKS, load_embedder
 from laesi_tf.reporting.similarity_charts import import_umap, plot_umap, plot_violins
 
@@ -119,7 +121,7 @@ def _draw_pairs(
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("similarity", __doc__)
+    made = make_parser("similarity", __doc__)
     made.add_argument("a", type=Path, metavar="A", help="manifest or folder of the first set")
     made.add_argument("b", type=Path, metavar="B", help="manifest or folder of the second set")
     made.add_argument("--split-a", metavar="NAME", help="split of A's manifest to take")
@@ -132,7 +134,7 @@ def _make_parser() -> argparse.ArgumentParser:
         help="Keras's own, or a file of this network",
     )
     made.add_argument(
-        "--count", type=positive, default=500, metavar="N", help="pictures of each set, evenly spread"
+        "--count", type=positive_int, default=500, metavar="N", help="pictures of each set, evenly spread"
     )
     made.add_argument(
         "--out", type=Path, default=Path("similarity"), metavar="DIR", help="folder of the pictures"
@@ -141,4 +143,4 @@ def _make_parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

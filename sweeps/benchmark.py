@@ -13,14 +13,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import parser, positive, progress, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.hardware import describe_hardware, peak_rss_mb
+from laesi_tf.common.parsing import positive_int
+from laesi_tf.common.progress import progress_bar
 
 # isort: split
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.files import require_writable, write_json
-from laesi_tf.machine import described, peak_rss_mb
 from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy, StudyStorage
@@ -50,7 +53,7 @@ def main(arguments: Sequence[str]) -> None:
     pictures = TrainingData(budget, threads=options.threads)
     figures = measure_trial_cost(budget, pictures, job_selection.select_points(range(options.trials)))
     figures["naive_trial_s"] = measure_naive_trial_s(budget, pictures)
-    figures |= {"threads": options.threads, "budget": budget.told(), **described()}
+    figures |= {"threads": options.threads, "budget": budget.told(), **describe_hardware()}
     if options.json:
         write_json(options.json, figures)
     print(_format_table(figures))
@@ -63,7 +66,7 @@ def measure_trial_cost(budget: Budget, pictures: TrainingData, chosen: Sequence[
         ledger = GridQueue(StudyStorage(str(Path(folder) / "study.db"), RetryPolicy()), "benchmark", FACTORS)
         ledger.fill(chosen)
         objective = TrainingObjective(TrialRunner(budget, pictures), ledger, Path(folder))
-        bar = iter(progress(range(len(chosen)), desc="trials", unit="trial"))
+        bar = iter(progress_bar(range(len(chosen)), desc="trials", unit="trial"))
 
         def measured(claim: Any, clock: Any) -> Any:
             held.append(peak_rss_mb())
@@ -90,7 +93,7 @@ def measure_trial_cost(budget: Budget, pictures: TrainingData, chosen: Sequence[
 def measure_naive_trial_s(budget: Budget, pictures: TrainingData) -> float:
     """Mean seconds of a trial that builds and traces its network; pictures and TensorFlow are there."""
     begun = time.perf_counter()
-    for point in progress(POINTS[:_NAIVE_TRIALS], desc="naive trials", unit="trial"):
+    for point in progress_bar(POINTS[:_NAIVE_TRIALS], desc="naive trials", unit="trial"):
         TrialRunner(budget, pictures).run(point, job_selection.SCREENING_SEED)
     return (time.perf_counter() - begun) / _NAIVE_TRIALS
 
@@ -114,14 +117,14 @@ def _format_table(figures: dict[str, Any]) -> str:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("benchmark", __doc__, package="sweeps")
+    made = make_parser("benchmark", __doc__, package="sweeps")
     made.add_argument(
-        "--trials", type=positive, default=50, metavar="N", help="trials of the grid, from its first"
+        "--trials", type=positive_int, default=50, metavar="N", help="trials of the grid, from its first"
     )
-    made.add_argument("--threads", type=positive, default=1, help="threads of the worker")
+    made.add_argument("--threads", type=positive_int, default=1, help="threads of the worker")
     add_budget_arguments(made)
     return made
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

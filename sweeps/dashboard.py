@@ -11,15 +11,16 @@ from socketserver import ThreadingMixIn
 from typing import Any
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
-from laesi_tf.cli import parser, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.errors import InputError
 
 # isort: split
 import optuna
 import optuna_dashboard
 from optuna.artifacts import FileSystemArtifactStore
 
-from laesi_tf.errors import InputError
-from laesi_tf.files import require_writable, write_json
 from sweeps.queue.study_storage import DEFAULT_STORAGE, RetryPolicy, StudyStorage, artifact_folder
 
 
@@ -66,7 +67,7 @@ class _QuietHandler(WSGIRequestHandler):
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("watch", __doc__, package="sweeps")
+    made = make_parser("watch", __doc__, package="sweeps")
     made.add_argument(
         "--storage", default=DEFAULT_STORAGE, help="a file, or postgresql://USER@HOST:PORT/DATABASE"
     )
@@ -77,4 +78,4 @@ def _make_parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

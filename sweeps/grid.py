@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from laesi_tf.cli import parser, run
-from laesi_tf.files import require_writable, write_csv, write_json
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
 from sweeps.trials.search_space import FACTORS, FINAL_LEARNING_RATE, LEARNING_RATE, OPTIMUM, POINTS, Point
 
 _HEADER = ("number", *FACTORS, "augmentations", "learning_rate", "final_learning_rate", "paper_optimum")
@@ -12,7 +13,7 @@ _HEADER = ("number", *FACTORS, "augmentations", "learning_rate", "final_learning
 
 def main(arguments: Sequence[str]) -> None:
     """Print the points as CSV, or write them."""
-    command = parser("grid", __doc__, package="sweeps")
+    command = make_parser("grid", __doc__, package="sweeps")
     command.add_argument("--out", type=Path, metavar="FILE", help="write the CSV to FILE instead of printing")
     options = command.parse_args(arguments)
     for path in filter(None, (options.out, options.json)):
@@ -35,4 +36,4 @@ def _format_row(number: int, point: Point) -> list[str | int | float]:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

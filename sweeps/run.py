@@ -13,13 +13,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import parser, positive, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.parsing import positive_int
 
 # isort: split
 from optuna.trial import TrialState
 
-from laesi_tf.errors import InputError
-from laesi_tf.files import require_writable, write_json
 from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import DEFAULT_STORAGE, RetryPolicy, StudyStorage, artifact_folder
@@ -125,28 +127,30 @@ def _make_settings(options: argparse.Namespace) -> WorkerSettings:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("run", __doc__, package="sweeps")
+    made = make_parser("run", __doc__, package="sweeps")
     made.add_argument(
         "--storage", default=DEFAULT_STORAGE, help="a file, or postgresql://USER@HOST:PORT/DATABASE"
     )
     made.add_argument("--study", help="the study's name (default: grid, tpe or finalists)")
     made.add_argument("--folder", type=Path, help="for artifacts and checkpoints (default: beside the file)")
-    made.add_argument("--workers", type=positive, default=min(4, os.cpu_count() or 1), help="processes here")
+    made.add_argument(
+        "--workers", type=positive_int, default=min(4, os.cpu_count() or 1), help="processes here"
+    )
     made.add_argument("--sampler", choices=("grid", "tpe"), default="grid", help="all points, or a search")
-    made.add_argument("--trials", type=positive, default=150, help="trials of a search")
+    made.add_argument("--trials", type=positive_int, default=150, help="trials of a search")
     made.add_argument("--points", default="0-1424", help="numbers of points, as 0-19,380")
     again = made.add_mutually_exclusive_group()
     again.add_argument(
-        "--finalists", type=positive, help="try this many best, and the paper's optimum, again"
+        "--finalists", type=positive_int, help="try this many best, and the paper's optimum, again"
     )
-    again.add_argument("--spread", type=positive, help="try this many from the best to the worst again")
+    again.add_argument("--spread", type=positive_int, help="try this many from the best to the worst again")
     made.add_argument("--screened", default="grid", metavar="STUDY", help="the study those come from")
-    made.add_argument("--seeds", type=positive, default=3, help="seeds of each that is tried again")
+    made.add_argument("--seeds", type=positive_int, default=3, help="seeds of each that is tried again")
     made.add_argument("--retries", type=int, default=3, help="attempts at a point after the first")
     made.add_argument("--time-limit", type=float, default=300.0, metavar="S", help="seconds a trial may take")
     made.add_argument(
         "--heartbeat",
-        type=positive,
+        type=positive_int,
         default=10,
         metavar="S",
         help="seconds between signs of life; six missed and a worker's trial is given to another",
@@ -156,4 +160,4 @@ def _make_parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

@@ -5,9 +5,9 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from laesi_tf import config as configuration
-from laesi_tf.config import TrainConfig
-from laesi_tf.runs import BEST, CONFIG
+from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE
+from laesi_tf.training import config_files
+from laesi_tf.training.config import TrainConfig
 
 LEAF, PAPER = (40, 160, 40), (240, 240, 240)
 
@@ -31,8 +31,8 @@ def area_network(size: tuple[int, int]) -> keras.Model:
 def save_run(path: Path, task: str, *, size: tuple[int, int] = (64, 64)) -> Path:
     """A run's folder as training leaves it, as far as it is read, with the network for `task` in it."""
     path.mkdir(parents=True)
-    configuration.write(path / CONFIG, TrainConfig(task=task, size=size, transform="none"), {})
-    {"area": area_network, "mask": mask_network}[task](size).save(path / BEST)
+    config_files.save_config(path / CONFIG_FILE, TrainConfig(task=task, size=size, transform="none"), {})
+    {"area": area_network, "mask": mask_network}[task](size).save(path / BEST_MODEL_FILE)
     return path
 
 

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from laesi_tf import cli  # noqa: F401  first, so that TensorFlow comes without its chatter
 from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import Point
 from sweeps.trials.training_data import Batch, TrainingData

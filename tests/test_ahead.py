@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.prefetch import prefetch
-from laesi_tf.errors import InputError
 
 
 def halves(number: int) -> int:

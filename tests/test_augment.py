@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skimage import color
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import augmentation, augmentation_ops
 from laesi_tf.data.augmentation import AUGMENTATIONS, augmentation_flags
-from laesi_tf.errors import InputError
 from laesi_tf.synthesis import synthesise
 
 SEEDS = st.integers(0, 2**31 - 1)

@@ -12,7 +12,7 @@ from green import photo, save_run
 from PIL import Image
 
 from laesi_tf import evaluate, predict
-from laesi_tf.cli import run
+from laesi_tf.cli.console import run_command
 
 Fails = Callable[..., str]
 
@@ -38,7 +38,7 @@ def fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", ["command", *map(str, arguments)])
         with pytest.raises(SystemExit) as stopped:
-            run(command.main)
+            run_command(command.main)
         printed = capsys.readouterr()
         assert stopped.value.code == 2
         assert printed.err.startswith("error: ") and printed.err.count("\n") == 1

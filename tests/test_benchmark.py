@@ -10,10 +10,11 @@ import pytest
 import tensorflow as tf
 from scenes import RENDERING_2, only
 
-from laesi_tf import benchmark, machine
+from laesi_tf import benchmark
 from laesi_tf.benchmarks import component_cost, photo_speed, timing, training_speed
 from laesi_tf.benchmarks.timing import MedianIqr
-from laesi_tf.errors import InputError
+from laesi_tf.common import hardware
+from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.base import Measurement
 from laesi_tf.synthesis import COMPONENTS
 
@@ -113,7 +114,7 @@ def test_cpu_time_of_each_way_stays_with_it() -> None:
 def test_peak_memory_is_what_the_system_says() -> None:
     lines = Path("/proc/self/status").read_text().splitlines()
     (kilobytes,) = (int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-    assert machine.peak_rss_mb() == pytest.approx(kilobytes * 1024 / 1e6, rel=0.02)
+    assert hardware.peak_rss_mb() == pytest.approx(kilobytes * 1024 / 1e6, rel=0.02)
 
 
 def test_report_and_json(

@@ -3,9 +3,10 @@ import dataclasses
 
 import pytest
 
-from laesi_tf import config
-from laesi_tf.config import TrainConfig
-from laesi_tf.errors import InputError
+from laesi_tf.common import schema
+from laesi_tf.common.errors import InputError
+from laesi_tf.training import config, config_files
+from laesi_tf.training.config import TrainConfig
 
 CHANGED = {
     "task": "mask",
@@ -37,27 +38,27 @@ CHANGED = {
 
 def test_every_field_survives_the_file(tmp_path):
     changed = TrainConfig(**CHANGED)
-    assert config.differing(changed, TrainConfig()) == list(CHANGED)
+    assert config.differing_fields(changed, TrainConfig()) == list(CHANGED)
     assert set(CHANGED) == {field.name for field in dataclasses.fields(TrainConfig)}
-    config.write(tmp_path / "config.toml", changed, {"weights_origin": "none"})
-    assert config.load(tmp_path / "config.toml") == changed
-    assert config.read(tmp_path / "config.toml")["provenance"] == {"weights_origin": "none"}
+    config_files.save_config(tmp_path / "config.toml", changed, {"weights_origin": "none"})
+    assert config_files.load_config(tmp_path / "config.toml") == changed
+    assert schema.read_toml(tmp_path / "config.toml")["provenance"] == {"weights_origin": "none"}
 
 
 def test_every_field_has_a_flag_that_wins_over_the_file(tmp_path):
     parser = argparse.ArgumentParser()
-    config.add_flags(parser)
+    config_files.add_config_arguments(parser)
     assert vars(parser.parse_args([])) == {}
     flags = [
         f"--{name.replace('_', '-')}={'96x64' if name == 'size' else value}"
         for name, value in CHANGED.items()
     ]
     given = vars(parser.parse_args(flags))
-    assert config.from_mapping(given) == TrainConfig(**CHANGED)
-    config.write(tmp_path / "config.toml", TrainConfig(steps=1, seed=5), {})
-    assert config.load(tmp_path / "config.toml", **vars(parser.parse_args(["--steps=2"]))) == TrainConfig(
-        steps=2, seed=5
-    )
+    assert config_files.config_from_dict(given) == TrainConfig(**CHANGED)
+    config_files.save_config(tmp_path / "config.toml", TrainConfig(steps=1, seed=5), {})
+    assert config_files.load_config(
+        tmp_path / "config.toml", **vars(parser.parse_args(["--steps=2"]))
+    ) == TrainConfig(steps=2, seed=5)
     assert " ".join(parser.format_help().split()).count("(default: ") == len(CHANGED)
 
 
@@ -90,7 +91,7 @@ def test_size_is_a_side_or_two(size):
 )
 def test_a_mistake_is_named(values, told):
     with pytest.raises(InputError, match=told):
-        config.from_mapping(values)
+        config_files.config_from_dict(values)
 
 
 @pytest.mark.parametrize(
@@ -107,4 +108,4 @@ def test_a_bad_file_is_named(tmp_path, content, told):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=told):
-        config.load(path)
+        config_files.load_config(path)

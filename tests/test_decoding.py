@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.decoding import MAX_PIXELS, decode_mask, decode_photo, read_upright_size
-from laesi_tf.errors import InputError
 
 # Each row and column differs, so that no flip or turn goes unseen.
 PICTURE = np.stack(

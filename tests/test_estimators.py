@@ -11,7 +11,7 @@ from conformance import EstimatorConformance
 from green import area_network, disk, mask_network, photo, save_run
 from sheets import drawn, jacobian
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.factory import load_estimator

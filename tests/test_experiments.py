@@ -17,12 +17,12 @@ from experiments import run as run_module
 from experiments.experiment_specs import Job, load_experiments, plan_jobs
 from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.run import main
-from laesi_tf import training
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import dataset_spec
 from laesi_tf.data.dataset_spec import DatasetSpec
 from laesi_tf.data.mixture import load_mixture
-from laesi_tf.errors import InputError
 from laesi_tf.estimators.base import Estimator
+from laesi_tf.training import loop, trainer
 
 SCALE = 0.005
 NAMES = ["rule_based", "real_baseline", "rendering_1", "rendering_2", "controlnet", "controlnet_filtering"]
@@ -179,7 +179,7 @@ def test_killed_experiments_go_on_to_the_same_figures(
         raise KeyboardInterrupt
 
     for where, name, left in (
-        (training._Fitting, "_validate", "state.npz"),
+        (loop.TrainingLoop, "_validate", "state.npz"),
         (runner, "evaluate", "best.keras"),
     ):
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
@@ -219,7 +219,7 @@ def test_a_seed_that_diverges_does_not_end_the_others(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def diverge(*_: Any) -> None:
-        raise training.Diverged("training diverged")
+        raise trainer.TrainingDiverged("training diverged")
 
     monkeypatch.setattr(runner.ExperimentRunner, "run", diverge)
     assert run(tmp_path, "real_baseline") == {"real_baseline-0/area-0": None, "real_baseline-0/mask-0": None}

@@ -12,7 +12,7 @@ from PIL import Image
 from experiments import table
 from experiments.experiment_specs import load_experiments
 from experiments.results import collect_rows
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 
 VAL = {"area-0": 10.0, "area-1": 13.0, "area-2": 11.5}
 TEST = {"area-0": 20.0, "area-1": 21.0, "area-2": 25.0}

@@ -6,23 +6,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from laesi_tf import config as configuration
-from laesi_tf.config import TrainConfig
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE, EXPORTED_WEIGHTS_FILE
 from laesi_tf.estimators.factory import load_estimator
 from laesi_tf.export import main
-from laesi_tf.runs import BEST, CONFIG, EXPORTED, PRETRAINED, export, load_run
+from laesi_tf.exporting.float16 import export_float16
+from laesi_tf.models.saved_model import PRETRAINED, load_run
 from laesi_tf.synthesis import synthesise
-from laesi_tf.training import build
+from laesi_tf.training import config_files
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.trainer import initialise_network
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     path = tmp_path_factory.mktemp("runs") / "area"
     config = TrainConfig(task="area", size=(64, 64), alpha=0.5, weights="none", ranges="rendering_2")
-    model, origin = build(config)
-    configuration.write(path / CONFIG, config, {"weights_origin": origin})
-    model.save(path / BEST)
+    model, origin = initialise_network(config)
+    config_files.save_config(path / CONFIG_FILE, config, {"weights_origin": origin})
+    model.save(path / BEST_MODEL_FILE)
     return path
 
 
@@ -32,23 +34,23 @@ def test_an_exported_run_is_small_and_says_the_same(run, tmp_path):
     first, second = (load_run(path).model(pictures, training=False) for path in (run, tmp_path / "small"))
     np.testing.assert_allclose(first, second, rtol=5e-3, atol=5e-3)
     figures = json.loads((tmp_path / "figures.json").read_text())
-    assert figures["bytes"] == (tmp_path / "small" / EXPORTED).stat().st_size
-    assert figures["bytes"] < 0.6 * (run / BEST).stat().st_size
+    assert figures["bytes"] == (tmp_path / "small" / EXPORTED_WEIGHTS_FILE).stat().st_size
+    assert figures["bytes"] < 0.6 * (run / BEST_MODEL_FILE).stat().st_size
     assert figures["exported"]["mre"] == pytest.approx(figures["original"]["mre"], rel=0.02)
 
 
 def test_ranges_of_a_file_go_along(run, tmp_path, monkeypatch):
     trained = tmp_path / "trained"
     trained.mkdir()
-    (trained / BEST).write_bytes((run / BEST).read_bytes())
+    (trained / BEST_MODEL_FILE).write_bytes((run / BEST_MODEL_FILE).read_bytes())
     config = TrainConfig(
         task="area", size=(64, 64), alpha=0.5, weights="none", ranges="gone.toml", textures="/home/me/leaves"
     )
-    configuration.write(trained / CONFIG, config, {"weights_origin": "none"})
+    config_files.save_config(trained / CONFIG_FILE, config, {"weights_origin": "none"})
     (trained / "ranges.toml").write_text("lighting_passes = 1\n")
     monkeypatch.chdir(tmp_path)
     main([str(trained), "--out", "small"])
-    exported = configuration.load(tmp_path / "small" / CONFIG)
+    exported = config_files.load_config(tmp_path / "small" / CONFIG_FILE)
     assert (exported.ranges, exported.textures) == ("ranges.toml", "leaves")
     assert load_run("small").config.ranges == str(Path("small/ranges.toml"))
 
@@ -57,15 +59,15 @@ def test_nothing_but_an_export_is_overwritten(run, tmp_path):
     original = load_run(run)
     for other in (run, run.parent):
         with pytest.raises(InputError, match="neither empty nor an exported run"):
-            export(original, other)
-    export(original, tmp_path / "small")
-    export(original, tmp_path / "small")
+            export_float16(original, other)
+    export_float16(original, tmp_path / "small")
+    export_float16(original, tmp_path / "small")
 
 
 def test_a_broken_export_is_named(run, tmp_path):
     main([str(run), "--out", str(tmp_path)])
-    whole = (tmp_path / EXPORTED).read_bytes()
-    (tmp_path / EXPORTED).write_bytes(whole[: len(whole) // 2])
+    whole = (tmp_path / EXPORTED_WEIGHTS_FILE).read_bytes()
+    (tmp_path / EXPORTED_WEIGHTS_FILE).write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"weights\.npz is broken"):
         load_run(tmp_path)
 

@@ -14,12 +14,12 @@ import pytest
 from scenes import only
 
 from laesi_tf import generate
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import image_folders, tfrecords
 from laesi_tf.data.dataset_generation import generate_dataset
 from laesi_tf.data.dataset_spec import DatasetSpec
 from laesi_tf.data.decoding import decode_mask, decode_photo
 from laesi_tf.data.manifest import read_manifest
-from laesi_tf.errors import InputError
 
 SIZE = (48, 64)
 SIMPLE = only("ruling")

@@ -4,10 +4,10 @@ import golden_scenes
 import numpy as np
 import pytest
 
+from laesi_tf.common.metrics import relative_errors
 from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.estimators.factory import load_estimator
-from laesi_tf.metrics import relative_errors
-from laesi_tf.runs import PRETRAINED
+from laesi_tf.models.saved_model import PRETRAINED
 
 SCENES = golden_scenes.read()
 

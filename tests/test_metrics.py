@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from skimage.metrics import contingency_table
 
-from laesi_tf import metrics
+from laesi_tf.common import metrics
 
 AREAS = st.lists(
     st.tuples(st.floats(0.01, 1e4), st.floats(0.01, 1e4)), min_size=1, max_size=30
@@ -18,10 +18,10 @@ def test_area_figures_are_those_of_a_loop_over_leaves(pairs):
     predicted, true = zip(*pairs, strict=True)
     errors = sorted(100.0 * abs(found - truth) / truth for found, truth in pairs)
     assert metrics.mre(predicted, true) == pytest.approx(sum(errors) / len(errors))
-    assert metrics.median(predicted, true) == pytest.approx(np.median(errors))
+    assert metrics.median_relative_error(predicted, true) == pytest.approx(np.median(errors))
     place = 0.9 * (len(errors) - 1)
     low, high = errors[int(place)], errors[min(int(place) + 1, len(errors) - 1)]
-    assert metrics.p90(predicted, true) == pytest.approx(low + (place % 1) * (high - low))
+    assert metrics.p90_relative_error(predicted, true) == pytest.approx(low + (place % 1) * (high - low))
 
 
 @given(st.data())
@@ -67,5 +67,5 @@ def test_masks_of_another_size_are_refused():
 
 
 def test_no_leaves_have_no_figure():
-    assert np.isnan([metrics.mre([], []), metrics.p90([], [])]).all()
+    assert np.isnan([metrics.mre([], []), metrics.p90_relative_error([], [])]).all()
     assert np.isnan(metrics.mpe(np.zeros((1, 3, 3)), np.zeros((1, 3, 3))))

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from PIL import Image
 from test_records import CONTENTS, SIZE, fill
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import mixture
 from laesi_tf.data.mixture import SLOTS, Source, load_mixture, mix_sources
-from laesi_tf.errors import InputError
 
 
 def counting(name: int, weight: float) -> Source:

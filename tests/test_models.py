@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import tensorflow as tf
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from laesi_tf.models import area_network, batch_norm, mask_network
 from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone, features_at_stride
 

@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import synthetic
 from laesi_tf.data.decoding import read_upright_size
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.data.photo_dataset import IndexedSamples, load_into_memory, stream_from_disk
-from laesi_tf.errors import InputError
 
 Write = Callable[[str | bytes], Path]
 

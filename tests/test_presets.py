@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from scenes import RENDERING_2, ROOMS, bounds, specs
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from laesi_tf.synthesis import Ranges, load_ranges, synthesise
 from laesi_tf.synthesis.presets import PRESETS, enable_all_components
 from laesi_tf.synthesis.ranges import Probability, fields_of

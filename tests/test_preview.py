@@ -11,7 +11,7 @@ from PIL import Image
 from scenes import RENDERING_2, changed, only
 
 from laesi_tf import preview
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from laesi_tf.reporting import scene_tiles
 from laesi_tf.synthesis import COMPONENTS, load_ranges
 from laesi_tf.synthesis.presets import PRESETS

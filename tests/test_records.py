@@ -12,9 +12,9 @@ import pytest
 import tensorflow as tf
 from scenes import only
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import dataset_spec, synthetic, tfrecords
 from laesi_tf.data.dataset_spec import DatasetSpec
-from laesi_tf.errors import InputError
 
 SIZE = (48, 64)
 CONTENTS = DatasetSpec(count=10, size=SIZE, per_shard=4, seed=3, ranges="")
@@ -116,7 +116,7 @@ def test_a_full_disk_leaves_no_shard(tmp_path: Path) -> None:
     script = (
         "import sys, pathlib\n"
         "from laesi_tf.data import records\n"
-        "from laesi_tf.errors import InputError\n"
+        "from laesi_tf.common.errors import InputError\n"
         "try: records.write_shard(pathlib.Path(sys.argv[1]), [bytes(1000)] * 500)\n"
         "except InputError as error: print(error)\n"
     )

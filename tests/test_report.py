@@ -5,8 +5,8 @@ import cv2
 import numpy as np
 import pytest
 
-from laesi_tf import report
-from laesi_tf.config import TrainConfig
+from laesi_tf.reporting import run_report
+from laesi_tf.training.config import TrainConfig
 
 AREA = {"mre": 4.2, "median": 3.1, "p90": 9.9, "n": 3, "weights_origin": "<none>", "images_per_s": 61.0}
 MASK = {"miou": 0.912, "mpe": 0.05, "n": 3, "weights_origin": "none", "images_per_s": float("nan")}
@@ -25,12 +25,12 @@ def pictures_of(page):
 
 
 def grey(masks=None, **figures):
-    return report.Picture(np.full((48, 64, 3), 128, np.uint8), figures, masks)
+    return run_report.ValidationImage(np.full((48, 64, 3), 128, np.uint8), figures, masks)
 
 
 def test_the_report_of_areas_stands_alone(tmp_path):
     pictures = [grey(predicted=20.0, true=20.0), grey(predicted=9.0, true=10.0)]
-    report.write(tmp_path, TrainConfig(), AREA, HISTORY, FOUND, pictures)
+    run_report.write_report(tmp_path, TrainConfig(), AREA, HISTORY, FOUND, pictures)
     page = (tmp_path / "report.html").read_text()
     assert not re.search(r"https?://|src='(?!data:)|<link|<script", page)
     assert page.count("data:image/png") == 2
@@ -48,7 +48,7 @@ def test_the_report_of_masks_draws_both_outlines(tmp_path):
     history = [row | {"val_miou": 0.5} for row in HISTORY]
     for row in history:
         del row["val_mre"]
-    report.write(
+    run_report.write_report(
         tmp_path,
         TrainConfig(task="mask"),
         MASK,
@@ -73,7 +73,7 @@ def test_the_report_of_masks_draws_both_outlines(tmp_path):
 @pytest.mark.parametrize(("count", "expected"), [(1, 0), (3, 2), (16, 16), (100, 16)])
 def test_the_best_and_the_worst_are_shown_once(count, expected):
     errors = np.random.default_rng(count).permutation(count).astype(float)
-    chosen = report.chosen(errors)
+    chosen = run_report.select_best_and_worst(errors)
     assert len(set(chosen)) == len(chosen) == expected
     shown = errors[chosen]
     half = expected // 2

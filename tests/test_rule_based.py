@@ -10,8 +10,8 @@ from green import LEAF, PAPER, disk, photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.synthetic import synthetic_samples
-from laesi_tf.errors import InputError
 from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea, fit_leaf_rule, fit_square_rule
 from laesi_tf.estimators.factory import load_estimator

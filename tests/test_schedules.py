@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 import tensorflow as tf
 
-from laesi_tf.schedules import OPTIMIZERS, SCHEDULES, optimizer
+from laesi_tf.training.optimizers import OPTIMIZERS, make_optimizer
+from laesi_tf.training.schedules import SCHEDULES
 
 ENDS = {"peak": 1e-3, "final": 1e-9, "steps": 1000}
 
@@ -51,7 +52,7 @@ def test_the_shortest_run_starts_at_a_rate_that_learns(name, steps):
 
 @pytest.mark.parametrize("name", sorted(OPTIMIZERS))
 def test_optimizers_follow_the_schedule_and_descend(name):
-    follower = optimizer(name, schedule="linear", peak=0.05, final=1e-4, steps=100)
+    follower = make_optimizer(name, schedule="linear", peak=0.05, final=1e-4, steps=100)
     weight = keras.Variable([3.0])
     for _ in range(100):
         with tf.GradientTape() as tape:

@@ -17,10 +17,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import only
 
-from laesi_tf.config import TrainConfig
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import tf_data_service
-from laesi_tf.errors import InputError
-from laesi_tf.training import _training, fit
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.input_pipeline import make_training_stream
+from laesi_tf.training.loop import fit
 
 CONFIG = TrainConfig(
     size=(32, 32), batch_size=4, steps=2, weights="none", augment="flip", validation_pictures=4
@@ -94,7 +95,7 @@ def test_the_stream_is_that_of_one_machine_whatever_becomes_of_a_worker(machines
     ranges = tmp_path / "simple.toml"
     ranges.write_text(f"without = {sorted(only('ruling', 'sensor_noise').without)}\n")
     config = replace(CONFIG, ranges=str(ranges), lighting_passes=2)
-    pairs = zip(_training(config, "")(8), _training(config, address)(8), strict=False)
+    pairs = zip(make_training_stream(config, "")(8), make_training_stream(config, address)(8), strict=False)
     for number, (expected, found) in enumerate(itertools.islice(pairs, 120)):
         if number == 40:
             joined.kill()

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from laesi_tf import similarity
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.image_sets import load_images
-from laesi_tf.errors import InputError
 from laesi_tf.evaluation.feature_similarity import find_closest_pairs, nearest_cosines
 from laesi_tf.generate import main as generate
 from laesi_tf.models.backbone import build_backbone

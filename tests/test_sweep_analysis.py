@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sweep_study import finished
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from sweeps.analysis import __main__, effects, findings, pipeline, ranking, search_cost, trial_table
 from sweeps.analysis.trial_table import TrialRecord
 from sweeps.queue.study_storage import RetryPolicy, StudyStorage

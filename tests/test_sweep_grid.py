@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from laesi_tf.config import TrainConfig
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.augmentation import AUGMENTATIONS, PAPER_AUGMENTATIONS, augmentation_flags
-from laesi_tf.errors import InputError
+from laesi_tf.training.config import TrainConfig
 from sweeps import grid
 from sweeps.trials import search_space
 

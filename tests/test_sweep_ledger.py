@@ -14,7 +14,7 @@ import pytest
 import sweep_worker as fake
 from optuna.trial import TrialState
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy, StorageUnreachable, StudyStorage
 from sweeps.workers import worker_pool

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from laesi_tf.training import load_run
 from sweeps import dashboard, run
 from sweeps.queue.study_storage import RetryPolicy

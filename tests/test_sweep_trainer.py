@@ -11,9 +11,13 @@ import pytest
 import tensorflow as tf
 from sweep_trial import BUDGET, made, told, trainer
 
-from laesi_tf import metrics, runs, training
-from laesi_tf.errors import InputError
-from laesi_tf.schedules import OPTIMIZERS, SCHEDULES, Rates, optimizer, state
+from laesi_tf.common import metrics
+from laesi_tf.common.errors import InputError
+from laesi_tf.models import saved_model
+from laesi_tf.training import loop
+from laesi_tf.training.optimizers import OPTIMIZERS, make_optimizer, optimizer_variables
+from laesi_tf.training.schedules import SCHEDULES, TableSchedule
+from laesi_tf.training.trainer import TrainingDiverged
 from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import Point
 from sweeps.trials.training_data import TrainingData
@@ -65,7 +69,7 @@ def test_a_trial_that_diverged_leaves_nothing_behind(
 
     with monkeypatch.context() as patched:
         patched.setattr(shared.pictures, "training", poisoned)
-        with pytest.raises(training.Diverged, match="nan at step 3"):
+        with pytest.raises(TrainingDiverged, match="nan at step 3"):
             shared.run(PLAIN, 0)
     assert result(shared, PLAIN) == before
 
@@ -87,14 +91,14 @@ def test_it_trains_as_fit_does(shared: TrialRunner, tmp_path: Path) -> None:
     """On the same pictures; batch normalisation is then recalibrated on the same as well."""
     outcome, config = shared.run(NADAM, 0), BUDGET.config(NADAM, 0)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(training, "_CALIBRATION_PICTURES", BUDGET.calibration)
+        patched.setattr(loop, "_CALIBRATION_PICTURES", BUDGET.calibration)
         stream = list(shared.pictures.training(NADAM.augmentations, 0))
-        run = training.fit(
+        run = loop.fit(
             config, tmp_path, train=lambda start: stream, validation=shared.pictures.validation, show=False
         )
     # fit works its rates out within the graph, which may round otherwise in the last place.
     assert run.metrics["mre"] == pytest.approx(outcome.mre, rel=1e-3)
-    assert runs.load_run(tmp_path).config == config
+    assert saved_model.load_run(tmp_path).config == config
 
 
 def test_points_share_a_step_by_network_and_optimizer(shared: TrialRunner) -> None:
@@ -144,9 +148,9 @@ def test_the_best_guess_is_the_best_of_all_guesses(shared: TrialRunner) -> None:
 @pytest.mark.parametrize("schedule", list(SCHEDULES))
 def test_a_table_of_rates_is_the_schedule(schedule: str) -> None:
     ends = {"peak": 1e-3, "final": 1e-9}
-    table = Rates(40)
+    table = TableSchedule(40)
     table.follow(schedule, **ends)
-    wanted = optimizer("sgd", schedule=schedule, steps=40, **ends)._learning_rate
+    wanted = make_optimizer("sgd", schedule=schedule, steps=40, **ends)._learning_rate
     for step in (0, 1, 20, 39, 40, 10**6):
         assert float(table(tf.constant(step))) == pytest.approx(float(wanted(tf.constant(step))), rel=1e-6)
 
@@ -154,7 +158,7 @@ def test_a_table_of_rates_is_the_schedule(schedule: str) -> None:
 @pytest.mark.parametrize("name", list(OPTIMIZERS))
 def test_an_optimizers_state_is_all_that_a_step_changes(name: str) -> None:
     """Of everything an optimizer holds, found by looking through it."""
-    rates = Rates(3)
+    rates = TableSchedule(3)
     rates.follow("constant", peak=1e-3, final=1e-3)
     made_one = OPTIMIZERS[name](rates)
     weights = [tf.keras.Variable([1.0, 2.0])]
@@ -163,7 +167,7 @@ def test_an_optimizers_state_is_all_that_a_step_changes(name: str) -> None:
     before = {id(v): v.numpy().copy() for v in everything}
     made_one.apply([tf.constant([0.1, 0.2])], weights)
     changed = {id(v) for v in everything if not np.array_equal(v.numpy(), before[id(v)])}
-    assert changed <= {id(v) for v in state(made_one)}
+    assert changed <= {id(v) for v in optimizer_variables(made_one)}
 
 
 def test_budgets_that_do_not_fit() -> None:

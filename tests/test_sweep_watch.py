@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sweep_study import finished
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from sweeps import dashboard
 
 SECONDS = 5.0

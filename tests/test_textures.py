@@ -8,8 +8,8 @@ import tensorflow as tf
 from PIL import Image
 from scenes import RENDERING_2, difference
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.leaf_textures import BRIGHTEST, DARKEST, load_textures
-from laesi_tf.errors import InputError
 from laesi_tf.synthesis import synthesise
 
 GREEN = np.array([60, 120, 40])

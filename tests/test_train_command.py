@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from laesi_tf import runs, train
-from laesi_tf.errors import InputError
+from laesi_tf import train
+from laesi_tf.common import run_files
+from laesi_tf.common.errors import InputError
 from laesi_tf.training import load_run
 
 TINY = [
@@ -26,13 +27,13 @@ def test_it_trains_on_live_scenes(tmp_path, capsys, task):
     out = tmp_path / "run"
     train.main([f"--config={tmp_path / 'c.toml'}", f"--out={out}", f"--json={figures}", *TINY])
     told = json.loads(figures.read_text())
-    assert told == json.loads((out / runs.METRICS).read_text())
+    assert told == json.loads((out / run_files.METRICS_FILE).read_text())
     assert told["n"] == 8
     assert told["steps"] == 3
     config = load_run(out).config
     assert (config.task, config.steps, config.seed, config.size) == (task, 3, 4, (48, 48))
     summary = capsys.readouterr().out
-    assert str(out / runs.REPORT) in summary
+    assert str(out / run_files.REPORT_FILE) in summary
     assert f"{told['mre']:.2f} %" in summary if task == "area" else f"{told['miou']:.4f}" in summary
 
 

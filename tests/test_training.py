@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 import tensorflow as tf
 
-from laesi_tf import config as configuration
-from laesi_tf import runs, training
-from laesi_tf.config import TrainConfig
-from laesi_tf.errors import InputError
-from laesi_tf.learner import Learner
+from laesi_tf.common import run_files, schema
+from laesi_tf.common.errors import InputError
 from laesi_tf.models.backbone import build_backbone
+from laesi_tf.models.saved_model import load_run
+from laesi_tf.training import loop, run_directory, trainer
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.trainer import Trainer
 
 SIZE, BATCH = 32, 8
 HERE = Path(__file__).parent
@@ -37,13 +38,13 @@ def stream(config, **options):
 
 def fit(config, out, **options):
     validation = stream(config, count=24)(10**6)
-    return training.fit(
+    return loop.fit(
         config, out, **{"train": stream(config), "validation": validation, "show": False} | options
     )
 
 
 def history(out):
-    with (out / runs.HISTORY).open() as file:
+    with (out / run_files.HISTORY_FILE).open() as file:
         return list(csv.DictReader(file))
 
 
@@ -54,7 +55,7 @@ def curve(out):
 
 
 def variables(out):
-    return [variable.numpy() for variable in training.load_run(out).model.variables]
+    return [variable.numpy() for variable in load_run(out).model.variables]
 
 
 @pytest.fixture(scope="module")
@@ -68,23 +69,23 @@ def test_a_run_folder_holds_what_the_run_was_and_found(whole):
     rows = history(whole.path)
     assert [int(row["step"]) for row in rows] == [2, 4, 6, 8, 10, 12]
     best = min(rows, key=lambda row: float(row["val_mre"]))
-    told = json.loads((whole.path / runs.METRICS).read_text())
+    told = json.loads((whole.path / run_files.METRICS_FILE).read_text())
     assert told == whole.metrics
     assert told["best_step"] == int(best["step"])
     assert told["mre"] == pytest.approx(float(best["val_mre"]), rel=1e-4)
-    run = training.load_run(whole.path)
+    run = load_run(whole.path)
     assert run.config == whole.config
     assert told["parameters"] == run.model.count_params()
-    provenance = configuration.read(whole.path / runs.CONFIG)["provenance"]
+    provenance = schema.read_toml(whole.path / run_files.CONFIG_FILE)["provenance"]
     assert provenance["weights_origin"] == "none"
     assert provenance["packages"]["keras"] == keras.__version__
-    assert list((whole.path / runs.TENSORBOARD).iterdir())
-    assert (whole.path / runs.REPORT).stat().st_size > 10_000
+    assert list((whole.path / run_files.TENSORBOARD_FOLDER).iterdir())
+    assert (whole.path / run_files.REPORT_FILE).stat().st_size > 10_000
     assert not [path for path in whole.path.iterdir() if path.name.startswith(".")]
 
 
 def test_tensorboard_shows_the_history(whole):
-    (log,) = (whole.path / runs.TENSORBOARD).iterdir()
+    (log,) = (whole.path / run_files.TENSORBOARD_FOLDER).iterdir()
     found = [
         (event.step, tf.make_ndarray(value.tensor).item())
         for event in tf.compat.v1.train.summary_iterator(str(log))
@@ -120,7 +121,7 @@ def test_killed_and_started_again_it_draws_the_same_curve(whole, tmp_path):
     paths = os.pathsep.join([str(HERE), str(HERE.parent)])
     child = subprocess.Popen([sys.executable, "-c", STUCK, str(out)], env=os.environ | {"PYTHONPATH": paths})
     try:
-        while not (out / runs.HISTORY).is_file() or history(out)[-1]["step"] != "8":
+        while not (out / run_files.HISTORY_FILE).is_file() or history(out)[-1]["step"] != "8":
             assert child.poll() is None, "the run ended before it could be killed"
             time.sleep(0.05)
         time.sleep(0.2)  # the last checkpoint is of step 5, two validations behind
@@ -178,11 +179,11 @@ def test_a_loss_that_is_no_number_stops_at_its_step(tmp_path):
             yield images, target * (np.nan if step == 3 else 1.0)
 
     with pytest.raises(
-        training.Diverged, match=r"the loss is nan at step 4, learning rate .*--learning-rate"
+        trainer.TrainingDiverged, match=r"the loss is nan at step 4, learning rate .*--learning-rate"
     ):
         fit(make(), tmp_path / "run", train=poisoned)
     assert [row["step"] for row in history(tmp_path / "run")] == ["2"]
-    assert not (tmp_path / "run" / runs.METRICS).exists()
+    assert not (tmp_path / "run" / run_files.METRICS_FILE).exists()
     assert all(np.isfinite(values).all() for values in variables(tmp_path / "run"))
 
 
@@ -200,8 +201,8 @@ def test_an_interrupted_run_reports_and_continues(whole, tmp_path):
     out = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
         fit(make(), out, train=interrupted)
-    assert (out / runs.REPORT).is_file()
-    assert not (out / runs.METRICS).exists()
+    assert (out / run_files.REPORT_FILE).is_file()
+    assert not (out / run_files.METRICS_FILE).exists()
     fit(make(), out)
     assert curve(out) == curve(whole.path)
 
@@ -209,7 +210,7 @@ def test_an_interrupted_run_reports_and_continues(whole, tmp_path):
 @pytest.mark.parametrize("at", [2, 6], ids=["in the first validation", "in the last"])
 def test_a_validation_that_was_interrupted_is_made_up_for(tmp_path, monkeypatch, at):
     config, out, calls = make(steps=6, validate_every=2, checkpoint_every=1), tmp_path / "run", []
-    assess = Learner.assess
+    assess = Trainer.assess
 
     def interrupted(learner, batches):
         calls.append(None)
@@ -217,7 +218,7 @@ def test_a_validation_that_was_interrupted_is_made_up_for(tmp_path, monkeypatch,
             raise KeyboardInterrupt
         return assess(learner, batches)
 
-    monkeypatch.setattr(Learner, "assess", interrupted)
+    monkeypatch.setattr(Trainer, "assess", interrupted)
     with pytest.raises(KeyboardInterrupt):
         fit(config, out)
     monkeypatch.undo()
@@ -243,7 +244,7 @@ def test_patience_stops_a_run_that_gains_nothing(tmp_path):
 def test_five_steps_are_judged_as_they_were_trained(tmp_path, task):
     config = make(task=task, steps=5, validate_every=5, batch_size=32, size=64)
     fit(config, tmp_path / "run")
-    model = training.load_run(tmp_path / "run").model
+    model = load_run(tmp_path / "run").model
     images = np.stack([discs.disc(index, 64)[0] for index in range(10**6, 10**6 + 256)])
     judged, trained = (model(images, training=mode).numpy()[..., 0] for mode in (False, True))
     # Batches of 256 are not those of 64 that the statistics are from: some difference is left.
@@ -299,16 +300,16 @@ def test_ranges_of_a_file_are_kept_and_compared(tmp_path):
     ranges, out = tmp_path / "mine.toml", tmp_path / "run"
     ranges.write_text("# wide\n")
     config = make(ranges=str(ranges))
-    runs.begin(out, config, "none")
+    run_directory.create_run_directory(out, config, "none")
     assert (out / "ranges.toml").read_text() == "# wide\n"
-    assert runs.origin_of(out, config) == "none"
+    assert run_directory.check_run_directory(out, config) == "none"
     ranges.write_text("# narrow\n")
     with pytest.raises(InputError, match="ranges"):
-        runs.origin_of(out, config)
+        run_directory.check_run_directory(out, config)
 
 
 def test_the_same_seed_builds_the_same_network():
-    one, other, third = (training.build(make(seed=seed))[0] for seed in (1, 1, 2))
+    one, other, third = (trainer.initialise_network(make(seed=seed))[0] for seed in (1, 1, 2))
     kernels = [
         np.concatenate([np.ravel(v) for v in model.trainable_variables]) for model in (one, other, third)
     ]
@@ -319,24 +320,29 @@ def test_the_same_seed_builds_the_same_network():
 @pytest.mark.parametrize(
     ("broken", "told"),
     [
-        (lambda out: (out / runs.CONFIG).unlink(), "no run in"),
-        (lambda out: (out / runs.BEST).unlink(), "no best.keras yet"),
-        (lambda out: (out / runs.BEST).write_bytes(b"PK"), "broken"),
-        (lambda out: (out / runs.BEST).write_bytes((out / runs.BEST).read_bytes()[:5000]), "broken"),
-        (lambda out: (out / runs.CONFIG).write_text("steps = 'x'"), "whole number"),
+        (lambda out: (out / run_files.CONFIG_FILE).unlink(), "no run in"),
+        (lambda out: (out / run_files.BEST_MODEL_FILE).unlink(), "no best.keras yet"),
+        (lambda out: (out / run_files.BEST_MODEL_FILE).write_bytes(b"PK"), "broken"),
+        (
+            lambda out: (out / run_files.BEST_MODEL_FILE).write_bytes(
+                (out / run_files.BEST_MODEL_FILE).read_bytes()[:5000]
+            ),
+            "broken",
+        ),
+        (lambda out: (out / run_files.CONFIG_FILE).write_text("steps = 'x'"), "whole number"),
     ],
 )
 def test_runs_that_cannot_be_loaded_say_why(tmp_path, whole, broken, told):
-    for name in (runs.CONFIG, runs.BEST):
+    for name in (run_files.CONFIG_FILE, run_files.BEST_MODEL_FILE):
         (tmp_path / name).write_bytes((whole.path / name).read_bytes())
-    training.load_run(tmp_path)
+    load_run(tmp_path)
     broken(tmp_path)
     with pytest.raises(InputError, match=told):
-        training.load_run(tmp_path)
+        load_run(tmp_path)
 
 
 def test_a_broken_state_is_named(tmp_path, whole):
-    (tmp_path / runs.CONFIG).write_bytes((whole.path / runs.CONFIG).read_bytes())
-    (tmp_path / runs.STATE).write_bytes((whole.path / runs.STATE).read_bytes()[:1000])
+    (tmp_path / run_files.CONFIG_FILE).write_bytes((whole.path / run_files.CONFIG_FILE).read_bytes())
+    (tmp_path / run_files.STATE_FILE).write_bytes((whole.path / run_files.STATE_FILE).read_bytes()[:1000])
     with pytest.raises(InputError, match=r"state\.npz is broken"):
         fit(whole.config, tmp_path)

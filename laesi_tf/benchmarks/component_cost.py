@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from laesi_tf.cli import progress
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.synthesis import COMPONENTS, Ranges
 
 # isort: split
@@ -28,10 +28,10 @@ def measure_component_cost(
     names = [name for name in COMPONENTS if every.has(name)]
     kinds = [every, *(dataclasses.replace(every, without=every.without | {name}) for name in names)]
     makers = [
-        trace_renderer(ranges, seed, size) for ranges in progress(kinds, desc="tracing", unit="component")
+        trace_renderer(ranges, seed, size) for ranges in progress_bar(kinds, desc="tracing", unit="component")
     ]
     medians = []
-    for turn in progress(range(repeats), desc="components", unit="turn"):
+    for turn in progress_bar(range(repeats), desc="components", unit="turn"):
         spent = np.array(
             [_measure_cpu_us(makers, index) for index in range(turn * images, (turn + 1) * images)]
         )

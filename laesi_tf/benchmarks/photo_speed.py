@@ -7,7 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import add_models, parser, positive, progress, size
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.hardware import describe_hardware
+from laesi_tf.common.parsing import image_size, positive_int
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.factory import load_estimator
 
@@ -17,8 +22,6 @@ from PIL import Image
 
 from laesi_tf.benchmarks.timing import MedianIqr, format_row
 from laesi_tf.data.decoding import decode_photo
-from laesi_tf.files import require_writable, write_json
-from laesi_tf.machine import described
 from laesi_tf.synthesis import synthesise
 
 Size = tuple[int, int]
@@ -34,7 +37,7 @@ def main(arguments: Sequence[str]) -> None:
         require_writable(options.json)
     estimator = load_estimator(options.model, mask_run=options.mask_model)
     figures = time_photos(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
-    figures |= described()
+    figures |= describe_hardware()
     if options.json is not None:
         write_json(options.json, figures)
     print(_format_table(figures))
@@ -48,7 +51,7 @@ def time_photos(estimator: Estimator, *, seed: int, size: Size, repeats: int) ->
     decoding, measuring, methods = [], [], []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "photo.jpg"
-        for index in progress(range(repeats + 1), desc="photos", unit="photo"):
+        for index in progress_bar(range(repeats + 1), desc="photos", unit="photo"):
             scene = synthesise(seed, size=_scene_size(size), index=index * _PASSES)["image"].numpy()
             enlarged = cv2.resize(scene, size[::-1], interpolation=cv2.INTER_CUBIC)
             Image.fromarray(enlarged).save(path, quality=90)
@@ -89,9 +92,11 @@ def _format_table(figures: dict[str, Any]) -> str:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("benchmark photo", main.__doc__)
-    add_models(made)
+    made = make_parser("benchmark photo", main.__doc__)
+    add_model_arguments(made)
     made.add_argument("--seed", type=int, default=0, help="seed of the scenes that are photographed")
-    made.add_argument("--size", type=size, default=(3000, 4000), metavar="PX", help="SIDE or HEIGHTxWIDTH")
-    made.add_argument("--repeats", type=positive, default=20, metavar="N", help="photos")
+    made.add_argument(
+        "--size", type=image_size, default=(3000, 4000), metavar="PX", help="SIDE or HEIGHTxWIDTH"
+    )
+    made.add_argument("--repeats", type=positive_int, default=20, metavar="N", help="photos")
     return made

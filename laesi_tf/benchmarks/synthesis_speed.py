@@ -6,7 +6,11 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from laesi_tf.cli import parser, positive, progress, size
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.hardware import describe_hardware, peak_rss_mb
+from laesi_tf.common.parsing import image_size, positive_int
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.synthesis import Ranges, load_ranges
 from laesi_tf.synthesis.presets import enable_all_components
 
@@ -22,8 +26,6 @@ from laesi_tf.benchmarks.timing import (
     stream_scenes,
 )
 from laesi_tf.benchmarks.training_speed import measure_training_speed
-from laesi_tf.files import require_writable, write_json
-from laesi_tf.machine import described, peak_rss_mb
 
 VARIANTS = {
     "images_per_s": "synthesis",
@@ -68,7 +70,7 @@ def measure_peak_memory(ranges: Ranges, *, images: int, seed: int, size: Size) -
     source = stream_scenes(ranges, seed, size, count=images)
     settled = None
     made = 0
-    for pictures, _ in progress(source, total=-(-images // BATCH_SIZE), desc="memory", unit="batch"):
+    for pictures, _ in progress_bar(source, total=-(-images // BATCH_SIZE), desc="memory", unit="batch"):
         made += len(pictures)
         if settled is None and made >= min(_SETTLED_IMAGES, images):
             settled = peak_rss_mb()
@@ -81,7 +83,7 @@ def measure_throughput(
     """Pictures per second of the generator for each of `sorts`, nothing else running."""
     streams = {name: iter(stream_scenes(ranges, seed, size)) for name, ranges in sorts.items()}
     rates: dict[str, list[float]] = {name: [] for name in sorts}
-    for _ in progress(range(repeats), desc="synthesis alone", unit="turn"):
+    for _ in progress_bar(range(repeats), desc="synthesis alone", unit="turn"):
         for name, stream in streams.items():
             consume(itertools.islice(stream, WARMUP_STEPS))
             begun = time.perf_counter()
@@ -114,7 +116,7 @@ def _collect_metrics(
             kind: {name: rates[name].iqr for name in ("cached", "live")} for kind, rates in trained.items()
         },
         "weights_origin": {kind: rates["weights_origin"] for kind, rates in trained.items()},
-        **described(),
+        **describe_hardware(),
     }
 
 
@@ -150,23 +152,25 @@ def _format_rates(figures: dict[str, Any]) -> Iterator[str]:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("benchmark synthesis", main.__doc__)
+    made = make_parser("benchmark synthesis", main.__doc__)
     made.add_argument("--seed", type=int, default=0, help="seed of the scenes")
     made.add_argument(
-        "--size", type=size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH in pixels"
+        "--size", type=image_size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH in pixels"
     )
     made.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="where scenes come from")
     made.add_argument(
         "--lighting-passes",
-        type=positive,
+        type=positive_int,
         metavar="N",
         help="pictures of the same leaf in different light; default: as the ranges say. train makes one",
     )
-    made.add_argument("--images", type=positive, default=20000, metavar="N", help="pictures for the memory")
     made.add_argument(
-        "--repeats", type=positive, default=5, metavar="N", help="turns of each part; one has no range"
+        "--images", type=positive_int, default=20000, metavar="N", help="pictures for the memory"
     )
-    made.add_argument("--steps", type=positive, default=20, metavar="N", help="timed steps per turn")
+    made.add_argument(
+        "--repeats", type=positive_int, default=5, metavar="N", help="turns of each part; one has no range"
+    )
+    made.add_argument("--steps", type=positive_int, default=20, metavar="N", help="timed steps per turn")
     made.add_argument(
         "--weights",
         choices=("auto", "imagenet", "none"),

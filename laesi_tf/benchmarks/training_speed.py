@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.synthesis import Ranges
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.loop import fit
 
 # isort: split
 from laesi_tf.benchmarks.timing import BATCH_SIZE, WARMUP_STEPS, MedianIqr, Size, stream_scenes
-from laesi_tf.config import TrainConfig
-from laesi_tf.training import fit
 
 _CACHED_BATCHES = 8
 

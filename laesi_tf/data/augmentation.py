@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.augmentation_ops import (
     Augmentation,
     Sample,
@@ -18,7 +19,6 @@ from laesi_tf.data.augmentation_ops import (
     rotate_quarter_turns,
     shift_hue,
 )
-from laesi_tf.errors import InputError
 
 AUGMENTATIONS: dict[str, Augmentation] = {
     "brightness": adjust_brightness,

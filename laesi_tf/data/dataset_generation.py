@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli import progress
+from laesi_tf.common.hardware import peak_rss_mb
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.synthesis import Ranges
 
 # isort: split
@@ -16,7 +17,6 @@ import tensorflow as tf
 
 from laesi_tf.data import dataset_spec, image_folders, synthetic, tfrecords
 from laesi_tf.data.dataset_spec import DatasetSpec
-from laesi_tf.machine import peak_rss_mb
 
 Sample = dict[str, np.ndarray]
 # Writes a shard of pictures, each with its species' name, whole or not at all.
@@ -34,7 +34,7 @@ def generate_dataset(
     mine = range(part[0], contents.shards, part[1])
     missing = [shard for shard in mine if not (out / contents.name(shard)).exists()]
     begun, made = time.monotonic(), 0
-    bar: Any = progress([], total=sum(len(contents.pictures(shard)) for shard in missing), unit="picture")
+    bar: Any = progress_bar([], total=sum(len(contents.pictures(shard)) for shard in missing), unit="picture")
     stream = _render_shards(contents, ranges, missing, bar)
     for shard in missing:
         _remove_partial_shard(out, contents.name(shard))

@@ -4,8 +4,8 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from laesi_tf.errors import InputError
-from laesi_tf.files import write_json
+from laesi_tf.common.atomic_files import write_json
+from laesi_tf.common.errors import InputError
 
 SPEC_FILE = "dataset.json"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 
 # Phone sensors go to 108 megapixels (12000 x 9000) in ordinary use; 120 leaves room for them and keeps the
 # worst file at 360 MB of pixels. It is compared with the header, so a 0.75 MB PNG that claims 16000 x 16000

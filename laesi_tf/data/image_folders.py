@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from laesi_tf.common.atomic_files import write_csv
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import canny, encoding
 from laesi_tf.data.dataset_spec import DatasetSpec
-from laesi_tf.errors import InputError
-from laesi_tf.files import write_csv
 
 MANIFEST_FILE = "manifest.csv"
 COLUMNS = ("image", "mask", "edges", "area_cm2", "px_per_mm", "grid_mm", "species", "prompt", "seed", "index")

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import dataset_spec, tfrecords
 from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
 from laesi_tf.data.image_folders import MANIFEST_FILE
 from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.data.prefetch import prefetch
-from laesi_tf.errors import InputError
 
 
 def load_images(

@@ -11,9 +11,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
 from laesi_tf.data.prefetch import prefetch
-from laesi_tf.errors import InputError
 
 # Beyond these a picture shows a hole or a glint rather than skin.
 DARKEST, BRIGHTEST = 0.4, 1.8

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import TextIO
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.decoding import read_upright_size
-from laesi_tf.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

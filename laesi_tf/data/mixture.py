@@ -33,8 +33,8 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.mixture_sources import SOURCE_OPENERS, SampleStream, SourceContext
-from laesi_tf.errors import InputError
 
 SLOTS = 256
 """Pictures in which each source has its exact share; shares are rounded to as many parts."""

@@ -8,10 +8,10 @@ from typing import Any
 
 import tensorflow as tf
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data import dataset_spec, synthetic, tfrecords
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.data.photo_dataset import IndexedSamples, load_into_memory, stream_from_disk
-from laesi_tf.errors import InputError
 from laesi_tf.synthesis import load_ranges, synthesise
 
 # From how many of its pictures came before to the endless stream of those that follow.

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.decoding import decode_mask, decode_photo
 from laesi_tf.data.letterbox import letterbox_image, letterbox_mask
 from laesi_tf.data.manifest import Photo
 from laesi_tf.data.prefetch import prefetch
-from laesi_tf.errors import InputError
 
 
 @dataclass(frozen=True)

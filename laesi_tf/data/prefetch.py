@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -12,8 +12,8 @@ from typing import Any
 
 import tensorflow as tf
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.synthetic import TRAIN_INDICES
-from laesi_tf.errors import InputError
 
 Batch = tuple[tf.Tensor, Any]
 MakeExamples = Callable[[tf.data.Dataset], tf.data.Dataset]

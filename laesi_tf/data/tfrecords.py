@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.common.atomic_files import atomic_write
+from laesi_tf.common.errors import InputError
 from laesi_tf.data.canny import detect_canny_edges, species_prompt
 from laesi_tf.data.dataset_spec import DatasetSpec, read_spec
 from laesi_tf.data.encoding import encode_jpeg, encode_png
-from laesi_tf.errors import InputError
-from laesi_tf.files import whole
 
 _NUMBER_SHAPES = {"area_cm2": (), "px_per_mm": (), "tilt_deg": (), "to_px": (3, 3)}
 _SHUFFLE_WINDOW = 2000
@@ -126,7 +126,7 @@ def write_samples(
 
 def write_shard(path: Path, records: Iterable[bytes]) -> None:
     """Write `records` to `path`, whole or not at all. Raises InputError where the disk will not take them."""
-    with whole(path) as temporary:
+    with atomic_write(path) as temporary:
         try:
             with tf.io.TFRecordWriter(str(temporary)) as file:
                 for record in records:

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.area_estimator import AreaEstimator
-from laesi_tf.estimators.base import Estimator, Measurement
+from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import NAME, EasyLeafArea
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
-from laesi_tf.runs import PRETRAINED, load_run
+from laesi_tf.models.saved_model import PRETRAINED, load_run
 
 
 def load_estimator(run: Path | str | None = None, *, mask_run: Path | str | None = None) -> Estimator:

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from laesi_tf import metrics
-from laesi_tf.cli import progress
+from laesi_tf.common import metrics
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.decoding import decode_mask, decode_photo
 from laesi_tf.data.manifest import Photo
 from laesi_tf.data.prefetch import prefetch
-from laesi_tf.errors import InputError
 from laesi_tf.estimators.base import Estimator, Measurement, PhotoInfo
 
 ALL = "all"
@@ -50,7 +50,7 @@ def score_photos(estimator: Estimator, photos: Sequence[Photo]) -> list[PhotoSco
     read.
     """
     scores = []
-    decoded = progress(
+    decoded = progress_bar(
         prefetch(load_photo_and_mask, photos), total=len(photos), desc="measuring", unit="photo"
     )
     for photo, pictures in decoded:
@@ -89,8 +89,8 @@ def summarise(scores: Sequence[PhotoScore]) -> dict[str, float | int | None]:
         "mre": of_areas(metrics.mre),
         "mre_low": low,
         "mre_high": high,
-        "median": of_areas(metrics.median),
-        "p90": of_areas(metrics.p90),
+        "median": of_areas(metrics.median_relative_error),
+        "p90": of_areas(metrics.p90_relative_error),
         "miou": _mean([score.iou for score in done]),
         "mpe": _mean([score.pixel_error for score in done]),
         "refused": sum(score.refusal is not None for score in done),

@@ -10,8 +10,8 @@ from pathlib import Path
 import keras
 import numpy as np
 
-from laesi_tf.errors import InputError
-from laesi_tf.files import digest
+from laesi_tf.common.atomic_files import short_sha256
+from laesi_tf.common.errors import InputError
 
 # "Minimalistic" has no squeeze-excite, hard-swish or 5x5 kernels: another network with other weights.
 BACKBONES = {
@@ -96,7 +96,7 @@ def load_weights_file(base: keras.Model, path: Path, name: str) -> tuple[keras.M
             f"no weights file {path}; pass auto, imagenet, none or the path of a .weights.h5 file"
         )
     try:
-        told = digest(path)
+        told = short_sha256(path)
         fitted = _load_all_variables(base, path)
     except Exception as error:  # whatever h5py, zipfile and Keras throw at a file that is not theirs
         raise InputError(_mismatch_message(path, name)) from error

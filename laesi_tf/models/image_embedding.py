@@ -8,7 +8,7 @@ import keras
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone, load_weights_file
 
 RESNET = "resnet50"

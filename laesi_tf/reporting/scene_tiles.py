@@ -9,13 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from laesi_tf.cli import progress
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.decoding import decode_photo
 from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.data.manifest import Photo
 from laesi_tf.data.prefetch import prefetch
-from laesi_tf.errors import InputError
 from laesi_tf.reporting.captions import add_caption
 from laesi_tf.reporting.overlay import PREDICTED_COLOUR, draw_outlines
 from laesi_tf.synthesis import COMPONENTS, Ranges, synthesise
@@ -38,7 +38,7 @@ class RenderedScene:
 def render_scenes(ranges: Ranges, *, seed: int, count: int, size: int) -> list[RenderedScene]:
     """`count` different leaves, `size` pixels a side."""
     singly = ranges.with_passes(1)
-    return [_render(singly, seed, index, size) for index in progress(range(count), desc="scenes")]
+    return [_render(singly, seed, index, size) for index in progress_bar(range(count), desc="scenes")]
 
 
 def component_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]:
@@ -50,7 +50,7 @@ def component_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]
     telling = _exaggerate_components(ranges)
     best: list[np.ndarray] = []
     most = -1
-    for index in progress(range(_CANDIDATES), desc="a scene that shows every component"):
+    for index in progress_bar(range(_CANDIDATES), desc="a scene that shows every component"):
         stages = [
             _render(_keep_components(telling, names[:n]), seed, index, size).image
             for n in range(len(names) + 1)
@@ -67,7 +67,7 @@ def component_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]
 def lighting_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]:
     """Leaves in rows, each under its lighting passes: captioned pictures [H, W, 3]."""
     lit = ranges.with_passes(PASSES)
-    shown = [_render(lit, seed, i, size) for i in progress(range(_LEAVES * PASSES), desc="passes")]
+    shown = [_render(lit, seed, i, size) for i in progress_bar(range(_LEAVES * PASSES), desc="passes")]
     return [
         add_caption(picture.image, [f"leaf {i // PASSES + 1}, light {i % PASSES + 1}"])
         for i, picture in enumerate(shown)

@@ -7,8 +7,8 @@ from types import ModuleType
 import numpy as np
 from matplotlib.figure import Figure
 
-from laesi_tf.errors import InputError
-from laesi_tf.files import write_figure
+from laesi_tf.common.atomic_files import write_figure
+from laesi_tf.common.errors import InputError
 
 _COLOURS = {"a": "tab:green", "b": "tab:orange"}
 _NEIGHBOURS = 15

@@ -23,7 +23,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from laesi_tf.synthesis.leaf.veins import MAX_SECONDARY_VEINS
 from laesi_tf.synthesis.presets import PART_NAMES, PRESETS, RENDERING_2
 from laesi_tf.synthesis.ranges import Probability, fields_of

@@ -9,11 +9,15 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from laesi_tf.cli import parser, positive, run
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.parsing import positive_int
 
 # isort: split
-from laesi_tf.errors import InputError
-from laesi_tf.files import require_writable, write_json
+
+
 from sweeps.analysis import trial_table
 from sweeps.analysis.pipeline import PAGE, STUDIES, analyse, export_studies
 from sweeps.analysis.trial_table import TrialRecord
@@ -41,7 +45,7 @@ def _read_table(out: Path, name: str) -> list[TrialRecord]:
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = parser("analysis", __doc__, package="sweeps")
+    made = make_parser("analysis", __doc__, package="sweeps")
     made.add_argument(
         "--storage", help="where the studies are: a file, or postgresql://USER@HOST:PORT/DATABASE"
     )
@@ -50,9 +54,11 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     for table, study in STUDIES.items():
         made.add_argument(f"--{table}", default=study, metavar="STUDY", help=f"the study of {table}.csv")
-    made.add_argument("--replays", type=positive, default=20, help="times that TPE is replayed on the grid")
+    made.add_argument(
+        "--replays", type=positive_int, default=20, help="times that TPE is replayed on the grid"
+    )
     return made
 
 
 if __name__ == "__main__":
-    run(main)
+    run_command(main)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
-from laesi_tf.files import write_figure
+from laesi_tf.common.atomic_files import write_figure
 from sweeps.analysis.effects import Effect
 from sweeps.analysis.ranking import RepeatedPoint
 from sweeps.analysis.trial_table import TrialRecord

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from sweeps.analysis.trial_table import TrialRecord
 from sweeps.trials.search_space import FACTORS
 

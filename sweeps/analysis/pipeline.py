@@ -4,14 +4,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from laesi_tf.common.atomic_files import read_json, write_csv, write_json, write_text
+from laesi_tf.common.errors import InputError
+
 # isort: split
 import dataclasses
 
 import numpy as np
 import optuna
 
-from laesi_tf.errors import InputError
-from laesi_tf.files import read_json, write_csv, write_json, write_text
 from sweeps.analysis import charts, effects, findings, ranking, search_cost, trial_table
 from sweeps.analysis.trial_table import TrialRecord
 from sweeps.queue.study_storage import RetryPolicy, StudyStorage

@@ -8,8 +8,8 @@ from typing import Any
 
 from optuna.trial import FrozenTrial, TrialState
 
-from laesi_tf.errors import InputError
-from laesi_tf.files import write_csv
+from laesi_tf.common.atomic_files import write_csv
+from laesi_tf.common.errors import InputError
 from sweeps.queue.tpe_queue import PRUNED_AT
 from sweeps.queue.trial_queue import JOB, REASON, SEED
 from sweeps.trials.search_space import FACTORS, POINTS, Point

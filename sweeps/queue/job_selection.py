@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from sweeps.queue.grid_queue import JobHistory
 from sweeps.queue.trial_queue import Job
 from sweeps.trials.search_space import OPTIMUM, POINTS

@@ -24,7 +24,7 @@ import sqlalchemy
 from optuna.exceptions import ExperimentalWarning, StorageInternalError
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 
 DEFAULT_STORAGE = "runs/sweep/study.db"
 """Where a sweep is kept unless it is told otherwise."""

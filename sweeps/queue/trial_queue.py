@@ -11,7 +11,7 @@ import sqlalchemy
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from sweeps.queue.study_storage import StudyStorage
 
 OBJECTIVES = ("MRE, %", "inference, ms")

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.config import TrainConfig
-from laesi_tf.errors import InputError
-from laesi_tf.files import digest
+from laesi_tf.common.atomic_files import short_sha256
+from laesi_tf.common.errors import InputError
 from laesi_tf.models.backbone import FROM_SCRATCH
+from laesi_tf.training.config import TrainConfig
 from sweeps.trials.search_space import FINAL_LEARNING_RATE, LEARNING_RATE, Point
 
 EVALUATION_BATCH = 64
@@ -92,4 +92,4 @@ def _describe_weights(weights: str) -> str:
     path = Path(weights)
     if not path.is_file():
         raise InputError(f"no weights file {path}; pass imagenet, none or the path of a .weights.h5 file")
-    return f"{path.name}, sha256 {digest(path)}"
+    return f"{path.name}, sha256 {short_sha256(path)}"

@@ -5,11 +5,11 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from laesi_tf.cli import positive
+from laesi_tf.common.parsing import positive_int
 from sweeps.trials.budget import FINAL, SCREENING, Budget
 
 _PARSERS: dict[type, tuple[Callable[[str], Any], str]] = {
-    int: (positive, "N"),
+    int: (positive_int, "N"),
     float: (float, "FACTOR"),
     str: (str, "NAME|FILE"),
 }

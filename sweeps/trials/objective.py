@@ -8,9 +8,10 @@ import numpy as np
 from optuna.artifacts import FileSystemArtifactStore, upload_artifact
 from optuna.trial import TrialState
 
-from laesi_tf import runs
-from laesi_tf.files import whole
-from laesi_tf.training import Diverged
+from laesi_tf.common import run_files
+from laesi_tf.common.atomic_files import atomic_write
+from laesi_tf.training import run_directory
+from laesi_tf.training.trainer import TrainingDiverged
 from sweeps.queue.tpe_queue import PRUNED_AT, TpeQueue
 from sweeps.queue.trial_queue import SEED, ClaimedTrial, TrialQueue
 from sweeps.trials import artifacts
@@ -61,7 +62,7 @@ class TrainingObjective:
         clock.start()
         try:
             outcome = self._trained(claim, point, seed, clock)
-        except Diverged as error:
+        except TrainingDiverged as error:
             raise TrialFailed(str(error)) from error
         except _PruneTrial as end:
             return TrialResult([end.mre, inference_ms], attributes | {PRUNED_AT: end.step})
@@ -107,8 +108,10 @@ class TrainingObjective:
         self._best = outcome.mre
         name = f"{self._book.name}-{claim.job.name.replace('/', '-')}"
         out = self._folder / "checkpoints" / name
-        runs.begin(out, self._trainer.budget.config(point, seed), self._trainer.origins[point.start])
-        with whole(out / runs.BEST) as temporary:
+        run_directory.create_run_directory(
+            out, self._trainer.budget.config(point, seed), self._trainer.origins[point.start]
+        )
+        with atomic_write(out / run_files.BEST_MODEL_FILE) as temporary:
             self._trainer.model(point).save(temporary)
         return name
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.cli import progress
+from laesi_tf.common.metrics import mre
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.data import augmentation, synthetic
-from laesi_tf.metrics import mre
 from sweeps.trials.budget import EVALUATION_BATCH, Budget
 
 _SCENES_SEED = 0
@@ -93,5 +93,5 @@ def render_scenes(budget: Budget, indices: Sequence[int]) -> Batch:
     )
     batches = synthetic.batch_samples(pictures, task="area", batch_size=EVALUATION_BATCH)
     count = -(-len(indices) // EVALUATION_BATCH)
-    images, targets = zip(*progress(batches, total=count, desc="pictures", unit="batch"), strict=True)
+    images, targets = zip(*progress_bar(batches, total=count, desc="pictures", unit="batch"), strict=True)
     return tf.concat(images, axis=0), tf.concat(targets, axis=0)

@@ -15,11 +15,12 @@ import keras
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf import training
-from laesi_tf.learner import Learner
 from laesi_tf.models import batch_norm
-from laesi_tf.schedules import OPTIMIZERS, Rates, state
-from laesi_tf.tasks import task
+from laesi_tf.training import trainer
+from laesi_tf.training.optimizers import OPTIMIZERS, optimizer_variables
+from laesi_tf.training.schedules import TableSchedule
+from laesi_tf.training.tasks import make_task
+from laesi_tf.training.trainer import Trainer
 from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import FINAL_LEARNING_RATE, LEARNING_RATE, Point
 from sweeps.trials.training_data import TrainingData
@@ -59,7 +60,7 @@ class TrialRunner:
     def prepare(self, point: Point, seed: int) -> None:
         """Build and trace what `point` needs, if no trial before did."""
         if (point.start, seed) not in self._starts:
-            model, self.origins[point.start] = training.build(self.budget.config(point, seed))
+            model, self.origins[point.start] = trainer.initialise_network(self.budget.config(point, seed))
             self._starts[point.start, seed] = _copy_values(model.variables)
         if self.key(point) not in self._kept:
             self._kept[self.key(point)] = _CompiledNetwork(self.budget, point)
@@ -127,21 +128,21 @@ class TrialRunner:
             spent.append(1e3 * (time.perf_counter() - begun))
         return min(spent)
 
-    def _reset(self, point: Point, seed: int) -> Learner:
+    def _reset(self, point: Point, seed: int) -> Trainer:
         kept = self._kept[self.key(point)]
         _assign_values(kept.learner.model.variables, self._starts[point.start, seed])
-        _assign_values(state(kept.learner.optimizer), kept.optimizer_values)
+        _assign_values(optimizer_variables(kept.learner.optimizer), kept.optimizer_values)
         kept.rates.follow(point.schedule, peak=LEARNING_RATE, final=FINAL_LEARNING_RATE)
         return kept.learner
 
-    def _judged(self, learner: Learner, fed: list[tf.Tensor]) -> tuple[dict[str, np.ndarray], float, float]:
+    def _judged(self, learner: Trainer, fed: list[tf.Tensor]) -> tuple[dict[str, np.ndarray], float, float]:
         """What the validation pictures give, and the seconds and seconds of CPU time it took."""
         begun, used = time.perf_counter(), time.process_time()
         learner.recalibrate(lambda: batch_norm.calibration_batches(fed, self.budget.calibration))
         found = learner.assess(self.pictures.validation)
         return found, time.perf_counter() - begun, time.process_time() - used
 
-    def _traced(self, learner: Learner) -> None:
+    def _traced(self, learner: Trainer) -> None:
         """One step and one judgement, for what they leave compiled."""
         images, target = next(self.pictures.training((), 0))
         learner.step(images, target)
@@ -153,10 +154,10 @@ class _CompiledNetwork:
 
     def __init__(self, budget: Budget, point: Point) -> None:
         config = budget.config(point, 0)
-        model, _ = training.build(config, origin="values that are about to be set")
-        self.rates = Rates(budget.steps)
-        self.learner = Learner(model, task(config), OPTIMIZERS[point.optimizer](self.rates))
-        self.optimizer_values = _copy_values(state(self.learner.optimizer))
+        model, _ = trainer.initialise_network(config, origin="values that are about to be set")
+        self.rates = TableSchedule(budget.steps)
+        self.learner = Trainer(model, make_task(config), OPTIMIZERS[point.optimizer](self.rates))
+        self.optimizer_values = _copy_values(optimizer_variables(self.learner.optimizer))
 
 
 def _copy_values(variables: Iterable[Any]) -> list[tf.Tensor]:
@@ -170,5 +171,5 @@ def _assign_values(variables: Iterable[Any], values: Iterable[tf.Tensor]) -> Non
 
 def _require_finite(value: float, step: int) -> float:
     if not math.isfinite(value):
-        raise training.Diverged(f"training diverged: {value} at step {step}")
+        raise trainer.TrainingDiverged(f"training diverged: {value} at step {step}")
     return value

@@ -4,8 +4,8 @@ import time
 
 import tensorflow as tf
 
-from laesi_tf.cli import run
-from laesi_tf.errors import InputError
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.errors import InputError
 from sweeps.queue.trial_queue import TrialQueue
 from sweeps.trials.objective import TrainingObjective
 from sweeps.trials.training_data import TrainingData
@@ -20,7 +20,7 @@ _RETRY_PAUSE_S = 2.0
 def run_worker_process(orders: WorkerSettings) -> None:
     """Work at the study until nothing is left or the supervisor is gone; ends as a command does."""
     worker_pool.install_signal_handlers()
-    run(lambda _: _run_worker(orders))
+    run_command(lambda _: _run_worker(orders))
 
 
 def _run_worker(orders: WorkerSettings) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from sweeps.queue.trial_queue import ClaimedTrial, TrialQueue
 from sweeps.workers.watchdog import TrialFailed, TrialWatchdog
 

@@ -12,7 +12,7 @@ from typing import Any
 from optuna.trial import TrialState
 from tqdm import tqdm
 
-from laesi_tf.errors import InputError
+from laesi_tf.common.errors import InputError
 from sweeps.queue.trial_queue import TrialQueue
 
 _POLL_S = 1.0

@@ -1,27 +1,20 @@
-"""What a training run is made from: one frozen dataclass that is its file, its flags and its help."""
+"""The configuration of a training run: one frozen dataclass with the defaults, limits and help of every key."""
 
 import argparse
 import dataclasses
-import difflib
 import math
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import tomli_w
-
-from laesi_tf import cli
+from laesi_tf.common import parsing
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.schema import format_choices, suggest_closest
 from laesi_tf.data.augmentation import AUGMENTATIONS, parse_augmentations
-from laesi_tf.errors import InputError
-from laesi_tf.files import write_text
 from laesi_tf.models import area_network, mask_network
 from laesi_tf.models.backbone import BACKBONES
-from laesi_tf.schedules import OPTIMIZERS, SCHEDULES
-
-# The table of a run's config.toml that says where it came from; not an input.
-PROVENANCE = "provenance"
+from laesi_tf.training.optimizers import OPTIMIZERS
+from laesi_tf.training.schedules import SCHEDULES
 
 
 def _field(
@@ -87,10 +80,12 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            object.__setattr__(self, field.name, _checked(field, getattr(self, field.name)))
+            object.__setattr__(self, field.name, _check_value(field, getattr(self, field.name)))
         losses = {"area": area_network.LOSSES, "mask": mask_network.LOSSES}[self.task]
         if self.loss not in ("auto", *losses):
-            raise InputError(f"loss {self.loss!r} is not for task {self.task!r}: choose {_list(losses)}")
+            raise InputError(
+                f"loss {self.loss!r} is not for task {self.task!r}: choose {format_choices(losses)}"
+            )
         parse_augmentations(self.augment)
         if self.batch_size % self.lighting_passes:
             raise InputError(
@@ -102,103 +97,41 @@ class TrainConfig:
             raise InputError(f"final_learning_rate {ends}; lower it")
 
 
-def from_mapping(values: Mapping[str, Any]) -> TrainConfig:
-    """A configuration from plain values as TOML or flags hold them; InputError names an unknown key."""
-    names = [field.name for field in dataclasses.fields(TrainConfig)]
-    for key in values:
-        if key not in names:
-            raise InputError(
-                f"unknown configuration key {key!r}{_meant(key, names)}; see --help for all keys"
-            )
-    return TrainConfig(**values)
-
-
-def read(path: Path | str) -> dict[str, Any]:
-    """The values in a TOML file, its provenance table included; InputError if it is missing or not TOML."""
-    try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read configuration {path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"configuration {path} is not TOML: {error}") from error
-
-
-def load(path: Path | str, **overrides: Any) -> TrainConfig:
-    """The configuration in a TOML file, such as a run's config.toml, with `overrides` winning."""
-    values = read(path)
-    values.pop(PROVENANCE, None)
-    try:
-        return from_mapping(values | overrides)
-    except InputError:
-        try:
-            from_mapping(values)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-        raise
-
-
-def write(path: Path | str, config: TrainConfig, provenance: Mapping[str, Any]) -> None:
-    """Write `config` as TOML with a table that says where the run came from."""
-    values = dataclasses.asdict(config) | {"size": list(config.size)}
-    write_text(path, tomli_w.dumps({**values, PROVENANCE: provenance}))
-
-
-def add_flags(parser: argparse.ArgumentParser) -> None:
-    """One flag per field, --batch-size for `batch_size`; a flag that is not given leaves no attribute."""
-    for field in dataclasses.fields(TrainConfig):
-        choices = field.metadata["choices"]
-        sized = field.name == "size"
-        parser.add_argument(
-            f"--{field.name.replace('_', '-')}",
-            type=str if sized else field.type,
-            default=argparse.SUPPRESS,
-            metavar="|".join(choices) or field.name.split("_")[-1].upper(),
-            help=f"{field.metadata['help']} (default: {'224x224' if sized else field.default})",
-        )
-
-
-def differing(one: TrainConfig, other: TrainConfig) -> list[str]:
+def differing_fields(one: TrainConfig, other: TrainConfig) -> list[str]:
     """Names of the fields in which two configurations differ."""
     names = [field.name for field in dataclasses.fields(TrainConfig)]
     return [name for name in names if getattr(one, name) != getattr(other, name)]
 
 
-def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
+def _check_value(field: dataclasses.Field[Any], value: Any) -> Any:
     if field.name == "size":
-        value = _size(value)
+        value = _parse_size(value)
     elif field.type is float and type(value) is int:
         value = float(value)
     elif type(value) is not field.type:
-        raise InputError(f"{field.name} must be {_KINDS[str(field.type)]}, not {value!r}")
+        raise InputError(f"{field.name} must be {_TYPE_NAMES[str(field.type)]}, not {value!r}")
     choices, low, high = (field.metadata[key] for key in ("choices", "low", "high"))
     if choices and value not in choices:
-        raise InputError(f"unknown {field.name} {value!r}{_meant(value, choices)}; choose {_list(choices)}")
+        raise InputError(
+            f"unknown {field.name} {value!r}{suggest_closest(value, choices)}; choose {format_choices(choices)}"
+        )
     numbers = value if isinstance(value, tuple) else () if isinstance(value, str) else (value,)
     if not all(low <= number <= high for number in numbers):
         raise InputError(f"{field.name} {value!r} is not between {low:g} and {high:g}")
     return value
 
 
-_KINDS = {str(str): "text", str(int): "a whole number", str(float): "a number"}
+_TYPE_NAMES = {str(str): "text", str(int): "a whole number", str(float): "a number"}
 
 
-def _size(value: Any) -> tuple[int, int]:
+def _parse_size(value: Any) -> tuple[int, int]:
     """(height, width) from a side, "HEIGHTxWIDTH", or two numbers."""
     if isinstance(value, str):
         try:
-            return cli.size(value)
+            return parsing.image_size(value)
         except argparse.ArgumentTypeError as error:
             raise InputError(str(error)) from None
     sides = (value, value) if type(value) is int else value
     if isinstance(sides, list | tuple) and len(sides) == 2 and all(type(side) is int for side in sides):
         return sides[0], sides[1]
     raise InputError(f'size must be a side, [height, width] or "HEIGHTxWIDTH" in pixels, not {value!r}')
-
-
-def _meant(word: str, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(word, known, n=1)
-    return f", did you mean {close[0]!r}?" if close else ""
-
-
-def _list(words: Sequence[str]) -> str:
-    return f"{', '.join(words[:-1])} or {words[-1]}"

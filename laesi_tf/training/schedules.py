@@ -20,31 +20,31 @@ _DROPS = (0.5, 0.8, 0.94, 0.97, 0.98, 0.99)
 _WARM_UP = 0.05
 
 
-def constant(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+def constant_schedule(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
     """`peak` throughout."""
     return tf.fill(tf.shape(step), tf.constant(peak, tf.float32))
 
 
-def piecewise(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+def piecewise_decay(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
     """Seven plateaus of equal ratio from `peak` to `final`, as the paper's piecewise constant decay."""
-    passed = sum(tf.cast(_progress(step, steps) >= drop, tf.float32) for drop in _DROPS)
-    return _between(peak, final, passed / len(_DROPS))
+    passed = sum(tf.cast(_fraction_done(step, steps) >= drop, tf.float32) for drop in _DROPS)
+    return _interpolate_geometrically(peak, final, passed / len(_DROPS))
 
 
-def exponential(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+def exponential_decay(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
     """Falls by the same ratio every step, from `peak` to `final`."""
-    return _between(peak, final, _progress(step, steps))
+    return _interpolate_geometrically(peak, final, _fraction_done(step, steps))
 
 
-def linear(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+def linear_decay(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
     """Falls by the same amount every step, from `peak` to `final`."""
-    progress = _progress(step, steps)
+    progress = _fraction_done(step, steps)
     return (1.0 - progress) * peak + progress * final
 
 
-def cosine(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
+def cosine_decay(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tensor:
     """Rises linearly over the first 5 % of the run, then half a cosine down to `final`."""
-    progress = _progress(step, steps)
+    progress = _fraction_done(step, steps)
     rising = peak * (tf.cast(step, tf.float32) + 1.0) / max(1.0, math.ceil(_WARM_UP * steps))
     fallen = tf.maximum(progress - _WARM_UP, 0.0) / (1.0 - _WARM_UP)
     falling = final + (peak - final) * 0.5 * (1.0 + tf.cos(math.pi * fallen))
@@ -52,38 +52,15 @@ def cosine(step: tf.Tensor, *, peak: float, final: float, steps: int) -> tf.Tens
 
 
 SCHEDULES: dict[str, Schedule] = {
-    "piecewise": piecewise,
-    "cosine": cosine,
-    "exponential": exponential,
-    "linear": linear,
-    "constant": constant,
-}
-
-# Keras's defaults where the paper is silent. A noisy scene can throw a gradient far off: its norm is clipped.
-_CLIP = {"global_clipnorm": 1.0}
-OPTIMIZERS: dict[str, Callable[..., keras.optimizers.Optimizer]] = {
-    "rmsprop": lambda rate: keras.optimizers.RMSprop(rate, **_CLIP),
-    "adam": lambda rate: keras.optimizers.Adam(rate, **_CLIP),
-    "adamw": lambda rate: keras.optimizers.AdamW(rate, **_CLIP),
-    "nadam": lambda rate: keras.optimizers.Nadam(rate, **_CLIP),
-    "sgd": lambda rate: keras.optimizers.SGD(rate, momentum=0.9, nesterov=True, **_CLIP),
+    "piecewise": piecewise_decay,
+    "cosine": cosine_decay,
+    "exponential": exponential_decay,
+    "linear": linear_decay,
+    "constant": constant_schedule,
 }
 
 
-def optimizer(
-    name: str, *, schedule: str, peak: float, final: float, steps: int
-) -> keras.optimizers.Optimizer:
-    """An optimizer of OPTIMIZERS whose rate follows a schedule of SCHEDULES over `steps` steps."""
-    return OPTIMIZERS[name](_Following(SCHEDULES[schedule], peak=peak, final=final, steps=steps))
-
-
-def state(optimizer: keras.optimizers.Optimizer) -> list[Any]:
-    """All variables of a built optimizer. Keras's Nadam has one that it does not list among its own."""
-    unlisted = getattr(optimizer, "_u_product", None)
-    return [*optimizer.variables, *([] if unlisted is None else [unlisted])]
-
-
-class Rates(keras.optimizers.schedules.LearningRateSchedule):
+class TableSchedule(keras.optimizers.schedules.LearningRateSchedule):
     """A learning rate read from a table, float32 [steps], that is set while a graph is in use.
 
     One compiled step so serves every schedule: `optimizer(Rates(steps))`, then `follow` before each run.
@@ -103,7 +80,7 @@ class Rates(keras.optimizers.schedules.LearningRateSchedule):
         return tf.gather(self.table, tf.minimum(tf.cast(step, tf.int32), self.steps - 1))
 
 
-class _Following(keras.optimizers.schedules.LearningRateSchedule):
+class FunctionSchedule(keras.optimizers.schedules.LearningRateSchedule):
     """What Keras asks of a schedule, around a plain function."""
 
     def __init__(self, schedule: Schedule, **ends: Any) -> None:
@@ -114,10 +91,10 @@ class _Following(keras.optimizers.schedules.LearningRateSchedule):
         return self.schedule(tf.convert_to_tensor(step), **self.ends)
 
 
-def _progress(step: tf.Tensor, steps: int) -> tf.Tensor:
+def _fraction_done(step: tf.Tensor, steps: int) -> tf.Tensor:
     return tf.clip_by_value(tf.cast(step, tf.float32) / max(1, steps - 1), 0.0, 1.0)
 
 
-def _between(peak: float, final: float, progress: tf.Tensor) -> tf.Tensor:
+def _interpolate_geometrically(peak: float, final: float, progress: tf.Tensor) -> tf.Tensor:
     """From `peak` to `final` in equal ratios as `progress` goes from 0 to 1."""
     return peak * tf.exp(math.log(final / peak) * progress)

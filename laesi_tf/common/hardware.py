@@ -1,4 +1,4 @@
-"""What figures are measured on: the machine, and how much of its memory was used."""
+"""The processor that figures were measured on, and the memory that this process used."""
 
 import datetime
 import math
@@ -16,10 +16,10 @@ except ImportError:  # Windows keeps no such account
     resource = None  # type: ignore[assignment]
 
 
-def described() -> dict[str, Any]:
+def describe_hardware() -> dict[str, Any]:
     """The processor, its cores, TensorFlow's version and the date, which every figure should come with."""
     return {
-        "machine": _processor(),
+        "machine": _processor_name(),
         "cores": os.cpu_count(),
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "tensorflow": tf.__version__,
@@ -34,7 +34,7 @@ def peak_rss_mb() -> float:
     return peak * (1 if sys.platform == "darwin" else 1024) / 1e6
 
 
-def _processor() -> str:
+def _processor_name() -> str:
     """The processor's name; platform.processor() says no more than x86_64 on Linux."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""report.html of a run: one self-contained file that a biologist can read."""
+"""The report of a run, report.html: one self-contained file that a biologist can read."""
 
 import base64
 import dataclasses
@@ -14,16 +14,17 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from laesi_tf.config import TrainConfig
-from laesi_tf.files import write_text
-from laesi_tf.runs import CONFIG, HISTORY, REPORT
+from laesi_tf.common.atomic_files import write_text
+from laesi_tf.common.run_files import CONFIG_FILE, HISTORY_FILE, REPORT_FILE
+from laesi_tf.reporting.run_charts import plot_learning_curves, plot_predicted_against_true
+from laesi_tf.training.config import TrainConfig
 
-SCENES = "fresh synthetic pictures"
+SYNTHETIC_SCENES = "fresh synthetic pictures"
 """What runs are judged on unless they are given something else."""
-_SHOWN = 8
-_PICTURE_PIXELS = 192
+_IMAGES_PER_GALLERY = 8
+_IMAGE_WIDTH_PX = 192
 _BLUE, _MAGENTA = (0, 90, 255), (255, 0, 160)
-_NAMES = {
+_METRIC_LABELS = {
     "mre": "mean relative error of the area, MRE (%)",
     "median": "median relative error (%)",
     "p90": "relative error that nine leaves in ten stay below (%)",
@@ -48,7 +49,7 @@ figcaption { font-size: .85rem; color: #556 } p.note { color: #556 }
 
 
 @dataclass(frozen=True)
-class Picture:
+class ValidationImage:
     """A validation picture: uint8 [H, W, 3], its figures by name, predicted and true mask bool [H, W]."""
 
     image: np.ndarray
@@ -56,22 +57,22 @@ class Picture:
     masks: tuple[np.ndarray, np.ndarray] | None
 
 
-def chosen(errors: np.ndarray) -> list[int]:
+def select_best_and_worst(errors: np.ndarray) -> list[int]:
     """Indices of the pictures to show, best first: those of the lowest errors [N], then of the highest."""
     order = np.argsort(errors, kind="stable").tolist()
-    half = min(_SHOWN, len(order) // 2)
+    half = min(_IMAGES_PER_GALLERY, len(order) // 2)
     return order[:half] + order[len(order) - half :]
 
 
-def write(
+def write_report(
     out: Path,
     config: TrainConfig,
     figures: Mapping[str, Any],
     history: Sequence[Mapping[str, float]],
     found: Mapping[str, np.ndarray],
-    pictures: Sequence[Picture],
+    pictures: Sequence[ValidationImage],
     *,
-    validated_on: str = SCENES,
+    validated_on: str = SYNTHETIC_SCENES,
 ) -> None:
     """Write report.html into the run's folder `out`; `validated_on` says what its figures were found on.
 
@@ -81,21 +82,23 @@ def write(
     half = len(pictures) // 2
     parts = [
         f"<h1>{'Leaf area' if config.task == 'area' else 'Leaf mask'}, run {html.escape(out.name)}</h1>",
-        _headline(config, figures, validated_on),
-        f"<h2>Figures</h2>{_table({_NAMES[key]: value for key, value in figures.items() if key in _NAMES})}",
-        f"<h2>Learning</h2>{_chart(_curves(history))}<p class=note>The same numbers are in {HISTORY}.</p>",
-        f"<h2>Predicted against true</h2>{_chart(_scatter(found))}" if config.task == "area" else "",
-        f"<h2>Best pictures</h2>{_gallery(pictures[:half])}",
-        f"<h2>Worst pictures</h2>{_gallery(pictures[half:][::-1])}",
-        f"<h2>Configuration</h2>{_table(dataclasses.asdict(config))}",
-        f"<p class=note>{CONFIG} repeats this run: pass it to --config.</p>",
+        _make_headline(config, figures, validated_on),
+        f"<h2>Figures</h2>{_table_to_html({_METRIC_LABELS[key]: value for key, value in figures.items() if key in _METRIC_LABELS})}",
+        f"<h2>Learning</h2>{_figure_to_html(plot_learning_curves(history))}<p class=note>The same numbers are in {HISTORY_FILE}.</p>",
+        f"<h2>Predicted against true</h2>{_figure_to_html(plot_predicted_against_true(found))}"
+        if config.task == "area"
+        else "",
+        f"<h2>Best pictures</h2>{_gallery_to_html(pictures[:half])}",
+        f"<h2>Worst pictures</h2>{_gallery_to_html(pictures[half:][::-1])}",
+        f"<h2>Configuration</h2>{_table_to_html(dataclasses.asdict(config))}",
+        f"<p class=note>{CONFIG_FILE} repeats this run: pass it to --config.</p>",
     ]
     title = f"<title>{html.escape(out.name)}</title>"
     head = f"<!doctype html><html lang=en><meta charset=utf-8>{title}<style>{_STYLE}</style>"
-    write_text(out / REPORT, "\n".join([head, *filter(None, parts), "</html>\n"]))
+    write_text(out / REPORT_FILE, "\n".join([head, *filter(None, parts), "</html>\n"]))
 
 
-def _headline(config: TrainConfig, figures: Mapping[str, Any], validated_on: str) -> str:
+def _make_headline(config: TrainConfig, figures: Mapping[str, Any], validated_on: str) -> str:
     if config.task == "area":
         told = (
             f"On {validated_on} the area is off by {figures['mre']:.1f} % on average; "
@@ -106,65 +109,27 @@ def _headline(config: TrainConfig, figures: Mapping[str, Any], validated_on: str
             f"On {validated_on} true and predicted leaf overlap by {figures['miou']:.3f} "
             f"(1 is perfect), and the leaf's pixel count is off by {100 * figures['mpe']:.1f} %."
         )
-    told += " Real photos differ: score those with evaluate." if validated_on == SCENES else ""
+    told += " Real photos differ: score those with evaluate." if validated_on == SYNTHETIC_SCENES else ""
     return f"<p>{told}</p>"
 
 
-def _curves(history: Sequence[Mapping[str, float]]) -> Figure:
-    """Loss and score against steps and against minutes."""
-    figure = Figure(figsize=(10, 6), layout="constrained")
-    score = "val_mre" if "val_mre" in history[0] else "val_miou"
-    axes = figure.subplots(2, 2, sharex="col", sharey="row")
-    for column, (unit, key) in enumerate((("steps", "step"), ("minutes", "minutes"))):
-        across = [row[key] for row in history]
-        for name in ("train_loss", "val_loss"):
-            axes[0, column].plot(across, [row[name] for row in history], ".-", label=name.replace("_", " "))
-        axes[1, column].plot(across, [row[score] for row in history], ".-", color="tab:green")
-        axes[1, column].set_xlabel(unit)
-    axes[0, 0].set(ylabel="loss", yscale="log")
-    axes[0, 0].legend()
-    axes[1, 0].set_ylabel("MRE (%)" if score == "val_mre" else "mIoU")
-    if score == "val_mre":
-        axes[1, 0].set_yscale("log")
-    return figure
-
-
-def _scatter(found: Mapping[str, np.ndarray]) -> Figure:
-    """Predicted against true area, and the signed relative error against the true area."""
-    true, predicted = found["true"], found["predicted"]
-    figure = Figure(figsize=(10, 4.5), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    ends = [min(true.min(), predicted.min()), max(true.max(), predicted.max())]
-    left.plot(ends, ends, color="0.7")
-    left.loglog(true, predicted, ".", markersize=4)
-    left.set(xlabel="true area (cm²)", ylabel="predicted area (cm²)")
-    error = 100.0 * (predicted - true) / true
-    bias, spread = error.mean(), 1.96 * error.std()
-    right.semilogx(true, error, ".", markersize=4)
-    for height, style in ((bias, "-"), (bias - spread, "--"), (bias + spread, "--")):
-        right.axhline(height, color="0.5", linestyle=style)
-    right.set(xlabel="true area (cm²)", ylabel="relative error (%)")
-    right.set_title(f"bias {bias:+.1f} %, 95 % within ±{spread:.1f} % of it", fontsize=10)
-    return figure
-
-
-def _gallery(pictures: Sequence[Picture]) -> str:
+def _gallery_to_html(pictures: Sequence[ValidationImage]) -> str:
     shown = (
-        f"<figure>{_drawn(picture)}<figcaption>{_caption(picture)}</figcaption></figure>"
+        f"<figure>{_image_to_html(picture)}<figcaption>{_make_caption(picture)}</figcaption></figure>"
         for picture in pictures
     )
     return f"<div class=pictures>{''.join(shown)}</div>"
 
 
-def _caption(picture: Picture) -> str:
+def _make_caption(picture: ValidationImage) -> str:
     if picture.masks:
         return f"overlap (IoU) {picture.figures['iou']:.3f}; predicted magenta, true blue"
     predicted, true = picture.figures["predicted"], picture.figures["true"]
     return f"{predicted:.1f} cm² for {true:.1f} cm²: {100 * (predicted / true - 1):+.1f} %"
 
 
-def _drawn(picture: Picture) -> str:
-    scale = _PICTURE_PIXELS / picture.image.shape[1]
+def _image_to_html(picture: ValidationImage) -> str:
+    scale = _IMAGE_WIDTH_PX / picture.image.shape[1]
     drawn = cv2.resize(picture.image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     # The true outline goes first, so that the predicted one covers it where they agree.
     for mask, colour in zip((picture.masks or ())[::-1], (_BLUE, _MAGENTA), strict=False):
@@ -175,19 +140,21 @@ def _drawn(picture: Picture) -> str:
     return f"<img alt='' src='data:image/jpeg;base64,{base64.b64encode(encoded).decode()}'>"
 
 
-def _chart(figure: Figure) -> str:
+def _figure_to_html(figure: Figure) -> str:
     data = io.BytesIO()
     with matplotlib.rc_context({"axes.spines.top": False, "axes.spines.right": False}):
         figure.savefig(data, format="png", dpi=110)
     return f"<img alt='' src='data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}'>"
 
 
-def _table(rows: Mapping[str, Any]) -> str:
-    cells = (f"<tr><td>{html.escape(key)}<td>{html.escape(_shown(value))}" for key, value in rows.items())
+def _table_to_html(rows: Mapping[str, Any]) -> str:
+    cells = (
+        f"<tr><td>{html.escape(key)}<td>{html.escape(_format_value(value))}" for key, value in rows.items()
+    )
     return f"<table>{''.join(cells)}</table>"
 
 
-def _shown(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, tuple):
         return " × ".join(map(str, value))
     return f"{value:.4g}" if isinstance(value, float) else str(value)

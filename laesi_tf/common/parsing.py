@@ -1,0 +1,32 @@
+"""Parsers of numbers and image sizes, for arguments and configuration files."""
+
+import argparse
+import math
+
+
+def positive_int(text: str) -> int:
+    """Parse a whole number from 1 up, as an argument's type."""
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 up")
+    return int(text)
+
+
+def positive_float(text: str, *, most: float = math.inf, what: str = "number") -> float:
+    """Parse a number above 0 and up to `most`, as an argument's type; a user knows it as `what`."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not (0.0 < value <= most and math.isfinite(value)):
+        bound = "" if math.isinf(most) else f" and up to {most:g}"
+        raise argparse.ArgumentTypeError(f"{text!r} is not a {what} above 0{bound}")
+    return value
+
+
+def image_size(text: str) -> tuple[int, int]:
+    """Parse `224` or `480x640` as (height, width) in pixels, as an argument's type."""
+    parts = text.lower().split("x")
+    if len(parts) > 2 or not all(part.isdigit() and 16 <= int(part) <= 8192 for part in parts):
+        told = f"size {text!r} is not a side or HEIGHTxWIDTH between 16 and 8192 pixels"
+        raise argparse.ArgumentTypeError(told)
+    return int(parts[0]), int(parts[-1])

@@ -1,0 +1,1 @@
+"""Training: configuration, tasks, the one loop and its run directory."""
