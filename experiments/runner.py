@@ -108,6 +108,6 @@ class ExperimentRunner:
 
 
 def _make_estimator(run: Run) -> Estimator:
-    if run.config.task == "mask":
-        return MaskOnlyEstimator(run.model, run.config.size)
-    return AreaEstimator(run.model, run.config.size, run.config.transform)
+    if run.spec.task == "mask":
+        return MaskOnlyEstimator(run.model, run.spec.size)
+    return AreaEstimator(run.model, run.spec.size, run.spec.transform)

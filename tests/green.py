@@ -29,11 +29,20 @@ def area_network(size: tuple[int, int]) -> keras.Model:
 
 
 def save_run(path: Path, task: str, *, size: tuple[int, int] = (64, 64)) -> Path:
-    """A run's folder as training leaves it, as far as it is read, with the network for `task` in it."""
+    """Write a run directory as far as `load_run` reads it, with a stand-in network for `task`.
+
+    Tests that load it need the fixture `stand_in_networks`.
+    """
     path.mkdir(parents=True)
-    config_files.save_config(path / CONFIG_FILE, TrainConfig(task=task, size=size, transform="none"), {})
-    {"area": area_network, "mask": mask_network}[task](size).save(path / BEST_MODEL_FILE)
+    config = TrainConfig(task=task, size=size, transform="none", alpha=STAND_IN_ALPHA)
+    config_files.save_config(path / CONFIG_FILE, config, {})
+    STAND_INS[task](size).save(path / BEST_MODEL_FILE)
     return path
+
+
+STAND_INS = {"area": area_network, "mask": mask_network}
+STAND_IN_ALPHA = 0.123
+"""Width in the configuration of a run directory whose network is a stand-in."""
 
 
 def photo(height: int, width: int, *, radius: float = 0.3) -> np.ndarray:

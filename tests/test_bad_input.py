@@ -14,6 +14,8 @@ from PIL import Image
 from laesi_tf import evaluate, predict
 from laesi_tf.cli.console import run_command
 
+pytestmark = pytest.mark.usefixtures("stand_in_networks")
+
 Fails = Callable[..., str]
 
 

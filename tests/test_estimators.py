@@ -148,6 +148,7 @@ def test_no_leaf_is_refused() -> None:
         assert measured.mask is not None and not measured.mask.any()
 
 
+@pytest.mark.usefixtures("stand_in_networks")
 def test_load_estimator_follows_the_runs_task(tmp_path: Path) -> None:
     area, mask = save_run(tmp_path / "area", "area"), save_run(tmp_path / "mask", "mask")
     assert load_estimator(area).measure(photo(100, 100)).mask is None

@@ -24,6 +24,8 @@ from laesi_tf.evaluation.photo_scores import (
 from laesi_tf.reporting.captions import add_caption, make_contact_sheet
 from laesi_tf.reporting.overlay import draw_outlines
 
+pytestmark = pytest.mark.usefixtures("stand_in_networks")
+
 # What the area network says of `photo(96, 96)`, by design.
 PERCENT = 100 * math.pi * 0.3**2
 

@@ -15,6 +15,8 @@ from laesi_tf import predict as command
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.reporting.overlay import GRID_COLOUR, draw_grid
 
+pytestmark = pytest.mark.usefixtures("stand_in_networks")
+
 Rows = list[dict[str, object]]
 COLUMNS = {
     "photo",

@@ -10,7 +10,9 @@ import pytest
 from optuna.trial import TrialState
 from sweep_trial import BUDGET, trainer
 
-from laesi_tf.training import load_run
+from laesi_tf.common.run_files import CONFIG_FILE
+from laesi_tf.models.saved_model import load_run
+from laesi_tf.training.config_files import load_config
 from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy, StudyStorage
@@ -56,7 +58,7 @@ def test_trials_are_kept_with_all_that_the_dashboard_shows(shared: TrialRunner, 
         best = min(best, trial.values[0])
     kept = next(t for t in trials if t and t.values[0] == best)
     run = load_run(tmp_path / "checkpoints" / kept.user_attrs["checkpoint"])
-    assert run.config == BUDGET.config(Point(**kept.params), 0)
+    assert load_config(run.path / CONFIG_FILE) == BUDGET.config(Point(**kept.params), 0)
     images = shared.pictures.validation[0][0]
     again = shared.run(Point(**kept.params), 0)
     predicted = np.exp(run.model(images, training=False).numpy()[:, 0])

@@ -9,7 +9,8 @@ import pytest
 import yaml
 
 from laesi_tf.common.errors import InputError
-from laesi_tf.training import load_run
+from laesi_tf.common.run_files import CONFIG_FILE
+from laesi_tf.training.config_files import load_config
 from sweeps import dashboard, run
 from sweeps.queue.study_storage import RetryPolicy
 from sweeps.queue.trial_queue import TrialQueue
@@ -39,7 +40,7 @@ def test_it_works_off_points_and_continues(tmp_path: Path, capsys: pytest.Captur
     figures = json.loads((tmp_path / "one.json").read_text())
     assert figures["best_mre"] > 0 and not figures["given_up"]
     checkpoints = sorted((tmp_path / "checkpoints").iterdir())
-    assert checkpoints and load_run(checkpoints[0]).config.steps == 4
+    assert checkpoints and load_config(checkpoints[0] / CONFIG_FILE).steps == 4
 
 
 @pytest.mark.parametrize(

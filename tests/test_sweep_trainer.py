@@ -13,8 +13,8 @@ from sweep_trial import BUDGET, made, told, trainer
 
 from laesi_tf.common import metrics
 from laesi_tf.common.errors import InputError
-from laesi_tf.models import saved_model
-from laesi_tf.training import loop
+from laesi_tf.common.run_files import CONFIG_FILE
+from laesi_tf.training import config_files, loop
 from laesi_tf.training.optimizers import OPTIMIZERS, make_optimizer, optimizer_variables
 from laesi_tf.training.schedules import SCHEDULES, TableSchedule
 from laesi_tf.training.trainer import TrainingDiverged
@@ -98,7 +98,7 @@ def test_it_trains_as_fit_does(shared: TrialRunner, tmp_path: Path) -> None:
         )
     # fit works its rates out within the graph, which may round otherwise in the last place.
     assert run.metrics["mre"] == pytest.approx(outcome.mre, rel=1e-3)
-    assert saved_model.load_run(tmp_path).config == config
+    assert config_files.load_config(tmp_path / CONFIG_FILE) == config
 
 
 def test_points_share_a_step_by_network_and_optimizer(shared: TrialRunner) -> None:

@@ -8,7 +8,8 @@ import pytest
 from laesi_tf import train
 from laesi_tf.common import run_files
 from laesi_tf.common.errors import InputError
-from laesi_tf.training import load_run
+from laesi_tf.common.run_files import CONFIG_FILE
+from laesi_tf.training.config_files import load_config
 
 TINY = [
     "--size=48",
@@ -30,7 +31,7 @@ def test_it_trains_on_live_scenes(tmp_path, capsys, task):
     assert told == json.loads((out / run_files.METRICS_FILE).read_text())
     assert told["n"] == 8
     assert told["steps"] == 3
-    config = load_run(out).config
+    config = load_config(out / CONFIG_FILE)
     assert (config.task, config.steps, config.seed, config.size) == (task, 3, 4, (48, 48))
     summary = capsys.readouterr().out
     assert str(out / run_files.REPORT_FILE) in summary

@@ -17,7 +17,7 @@ from laesi_tf.common import run_files, schema
 from laesi_tf.common.errors import InputError
 from laesi_tf.models.backbone import build_backbone
 from laesi_tf.models.saved_model import load_run
-from laesi_tf.training import loop, run_directory, trainer
+from laesi_tf.training import config_files, loop, run_directory, trainer
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.trainer import Trainer
 
@@ -74,7 +74,7 @@ def test_a_run_folder_holds_what_the_run_was_and_found(whole):
     assert told["best_step"] == int(best["step"])
     assert told["mre"] == pytest.approx(float(best["val_mre"]), rel=1e-4)
     run = load_run(whole.path)
-    assert run.config == whole.config
+    assert config_files.load_config(whole.path / run_files.CONFIG_FILE) == whole.config
     assert told["parameters"] == run.model.count_params()
     provenance = schema.read_toml(whole.path / run_files.CONFIG_FILE)["provenance"]
     assert provenance["weights_origin"] == "none"
@@ -329,7 +329,7 @@ def test_the_same_seed_builds_the_same_network():
             ),
             "broken",
         ),
-        (lambda out: (out / run_files.CONFIG_FILE).write_text("steps = 'x'"), "whole number"),
+        (lambda out: (out / run_files.CONFIG_FILE).write_text("task = 'x'"), "key 'backbone' is missing"),
     ],
 )
 def test_runs_that_cannot_be_loaded_say_why(tmp_path, whole, broken, told):

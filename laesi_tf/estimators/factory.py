@@ -26,18 +26,18 @@ def load_estimator(run: Path | str | None = None, *, mask_run: Path | str | None
     if run is None:
         run, mask_run = PRETRAINED / "area", mask_run or PRETRAINED / "mask"
     trained = load_run(Path(run))
-    if trained.config.task == "mask":
+    if trained.spec.task == "mask":
         if mask_run is not None:
             raise InputError(
                 f"{run} is a mask model itself; name an area model beside the mask model {mask_run}"
             )
-        return MaskEstimator(trained.model, trained.config.size)
-    regression = AreaEstimator(trained.model, trained.config.size, trained.config.transform)
+        return MaskEstimator(trained.model, trained.spec.size)
+    regression = AreaEstimator(trained.model, trained.spec.size, trained.spec.transform)
     return regression if mask_run is None else RulingEstimator(_load_mask_estimator(mask_run), regression)
 
 
 def _load_mask_estimator(run: Path | str) -> MaskEstimator:
     trained = load_run(Path(run))
-    if trained.config.task != "mask":
-        raise InputError(f"{run} is a model of {trained.config.task}; name one trained with --task mask")
-    return MaskEstimator(trained.model, trained.config.size)
+    if trained.spec.task != "mask":
+        raise InputError(f"{run} is a model of {trained.spec.task}; name one trained with --task mask")
+    return MaskEstimator(trained.model, trained.spec.size)

@@ -1,19 +1,22 @@
-"""MobileNetV3 (Howard et al., 2019) without its classifier, and where its weights come from.
+"""MobileNetV3 (Howard et al., 2019) without its classifier, and the origin of its weights.
 
 Images are [B, H, W, 3] with values 0..255, uint8 or float; scaling to [-1, 1] is the network's first layer.
 """
 
+import contextlib
 import socket
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import keras
-import numpy as np
 
 from laesi_tf.common.atomic_files import short_sha256
 from laesi_tf.common.errors import InputError
+from laesi_tf.models.weights_file import load_weights
 
-# "Minimalistic" has no squeeze-excite, hard-swish or 5x5 kernels: another network with other weights.
+# Name -> (constructor, minimalistic). "Minimalistic" has no squeeze-excite, hard-swish or 5x5 kernels: it is
+# another network with other weights.
 BACKBONES = {
     "small": ("MobileNetV3Small", False),
     "large": ("MobileNetV3Large", False),
@@ -26,23 +29,23 @@ _DOWNLOAD_TIMEOUT_S = 30.0
 def build_backbone(
     kind: str, *, size: tuple[int, int], alpha: float = 1.0, weights: str = "auto"
 ) -> tuple[keras.Model, str]:
-    """The network to its last 1x1 convolution, [B, H, W, 3] -> [B, H/32, W/32, C], and the weights' origin.
+    """Build the network up to its last 1x1 convolution; return it and the origin of its weights.
 
-    `size` is (height, width) in pixels, each at least 32 (sides are rounded up at each stride); `alpha`
-    scales the number of channels. `weights` is "imagenet" (Keras's own ImageNet-1k file, downloaded once),
-    "auto" (the same where it can be had, else from scratch with a warning), "none", or the path of a file
-    saved with `save_weights` from this very network.
-    Raises InputError for weights that cannot be had, read, or fitted.
+    The network maps [B, H, W, 3] to [B, H/32, W/32, C], sides rounded up at each stride. `kind` is a key of
+    BACKBONES, `size` (height, width) in pixels, each at least 32, and `alpha` a factor on the number of
+    channels. `weights` is "imagenet" (Keras's own ImageNet-1k file, downloaded once), "auto" (the same if it
+    is available, else random weights and a warning), "none" (random weights), or the path of a file that
+    `save_weights` wrote from the same network. Raises InputError for weights that are not available, not
+    readable, or of another network.
     """
-    if weights == "none":
+    if weights == FROM_SCRATCH:
         return _build_network(kind, size, alpha), FROM_SCRATCH
     if weights not in ("auto", "imagenet"):
-        return load_weights_file(
-            _build_network(kind, size, alpha), Path(weights), f"MobileNetV3 {kind} of width {alpha:g}"
-        )
+        base = _build_network(kind, size, alpha)
+        return base, load_weights_file(base, Path(weights), f"MobileNetV3 {kind} of width {alpha:g}")
     try:
         return _build_network(kind, size, alpha, weights="imagenet"), "imagenet, Keras"
-    except Exception as error:  # Keras wraps what the network throws in bare Exception
+    except Exception as error:  # Keras wraps network errors in a bare Exception
         reason = str(error).split("\n")[0].removeprefix("URL fetch failure on ")
         if weights == "imagenet":
             raise InputError(
@@ -58,68 +61,55 @@ def build_backbone(
 
 
 def features_at_stride(base: keras.Model, stride: int) -> keras.KerasTensor:
-    """The last activation of `base` at `stride` 2, 4, 8 or 16: [B, ~H/stride, ~W/stride, C].
+    """Return the last activation of `base` at `stride` 2, 4, 8 or 16: [B, ~H/stride, ~W/stride, C].
 
-    It is the expansion that feeds the next strided depthwise convolution, where the MobileNetV3 paper too
-    attaches its detection heads ("C4", section 6.3). Keras pads before each of those four convolutions.
+    It is the expansion that feeds the next strided depthwise convolution, where the MobileNetV3 paper also
+    attaches its detection heads ("C4", section 6.3). Keras pads before each of these four convolutions.
     """
     padded = [layer.input for layer in base.layers if layer.name.endswith("depthwise_pad")]
     return padded[(2, 4, 8, 16).index(stride)]
 
 
-def _build_network(kind: str, size: tuple[int, int], alpha: float, weights: str | None = None) -> keras.Model:
-    constructor, minimalistic = BACKBONES[kind]
-    patience = socket.getdefaulttimeout()
-    socket.setdefaulttimeout(_DOWNLOAD_TIMEOUT_S)  # Keras sets none: a silent host would hang for ever
-    try:
-        with warnings.catch_warnings():
-            # Weights are convolutional and fit any size; Keras warns for every size but 224.
-            warnings.filterwarnings("ignore", message="`input_shape` is undefined")
-            return getattr(keras.applications, constructor)(
-                input_shape=(*size, 3),
-                alpha=alpha,
-                minimalistic=minimalistic,
-                include_top=False,
-                weights=weights,
-            )
-    finally:
-        socket.setdefaulttimeout(patience)
+def load_weights_file(network: keras.Model, path: Path, name: str) -> str:
+    """Load the weights in `path`, saved with `save_weights`, into `network`; return their origin.
 
-
-def load_weights_file(base: keras.Model, path: Path, name: str) -> tuple[keras.Model, str]:
-    """`base`, called `name` for people, with the weights in the file `path`, and their origin.
-
-    Raises InputError for a file that is missing, broken, or of another network.
+    `name` is what a user calls the network. Raises InputError for a file that is missing, broken, or of
+    another network.
     """
     if not path.is_file():
         raise InputError(
             f"no weights file {path}; pass auto, imagenet, none or the path of a .weights.h5 file"
         )
     try:
-        told = short_sha256(path)
-        fitted = _load_all_variables(base, path)
-    except Exception as error:  # whatever h5py, zipfile and Keras throw at a file that is not theirs
-        raise InputError(_mismatch_message(path, name)) from error
-    if not fitted:
-        raise InputError(_mismatch_message(path, name))
-    return base, f"file {path.name}, sha256 {told}"
+        load_weights(network, path)
+    except InputError as error:
+        raise InputError(
+            f"{path} does not hold weights of {name} (include_top=False); save them with "
+            "model.save_weights, or name the network and its --alpha that they belong to"
+        ) from error
+    return f"file {path.name}, sha256 {short_sha256(path)}"
 
 
-def _load_all_variables(base: keras.Model, path: Path) -> bool:
-    """Load `path` into `base`; true if every variable got finite values.
+def _build_network(kind: str, size: tuple[int, int], alpha: float, weights: str | None = None) -> keras.Model:
+    constructor, is_minimalistic = BACKBONES[kind]
+    with _download_timeout(), warnings.catch_warnings():
+        # Weights are convolutional and fit any size; Keras warns for every size but 224.
+        warnings.filterwarnings("ignore", message="`input_shape` is undefined")
+        return getattr(keras.applications, constructor)(
+            input_shape=(*size, 3),
+            alpha=alpha,
+            minimalistic=is_minimalistic,
+            include_top=False,
+            weights=weights,
+        )
 
-    Keras passes over layers that a file lacks and only warns, so all variables are NaN beforehand.
-    """
-    for variable in base.variables:
-        variable.assign(np.full(variable.shape, np.nan, variable.dtype))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        base.load_weights(path)
-    return all(bool(np.isfinite(variable.numpy()).all()) for variable in base.variables)
 
-
-def _mismatch_message(path: Path, name: str) -> str:
-    return (
-        f"{path} does not hold weights of {name} (include_top=False); save them with "
-        "model.save_weights, or name the network and its --alpha that they belong to"
-    )
+@contextlib.contextmanager
+def _download_timeout() -> Iterator[None]:
+    """Limit how long a download waits for a silent server: Keras sets no limit of its own."""
+    before = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(_DOWNLOAD_TIMEOUT_S)
+    try:
+        yield
+    finally:
+        socket.setdefaulttimeout(before)

@@ -1,4 +1,4 @@
-"""Networks trained on ImageNet as a measure of how alike two pictures are: the cosine of their features."""
+"""Embed images with a network trained on ImageNet, so that the cosine of two features is a similarity."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,23 +18,26 @@ _BATCH_SIZE = 32
 
 @dataclass(frozen=True)
 class ImageEmbedder:
-    """A network without its classifier, and where its weights come from."""
+    """A network without its classifier, and the origin of its weights."""
 
     infer: Callable[[tf.Tensor], tf.Tensor]
     origin: str
 
     def __call__(self, images: np.ndarray) -> np.ndarray:
-        """Features [N, D], of unit length, of `images` uint8 [N, H, W, 3]: means of the last feature map."""
+        """Map `images` uint8 [N, H, W, 3] to features float32 [N, D] of unit length.
+
+        A feature is the mean of the network's last feature map.
+        """
         batches = np.split(images, range(_BATCH_SIZE, len(images), _BATCH_SIZE))
         features = np.concatenate([self.infer(tf.constant(batch, tf.float32)).numpy() for batch in batches])
         return features / np.maximum(np.linalg.norm(features, axis=1, keepdims=True), 1e-12)
 
 
 def load_embedder(network: str, *, size: tuple[int, int], weights: str = "imagenet") -> ImageEmbedder:
-    """The `network` of that name, one of NETWORKS, for images of `size`.
+    """Load the embedder `network`, one of NETWORKS, for images of `size` (height, width).
 
     `weights` is "imagenet" (Keras's own file, downloaded once) or the path of a file. Raises InputError for
-    weights that cannot be had: features of an untrained network say little.
+    weights that are not available: features of an untrained network mean little.
     """
     if weights in (FROM_SCRATCH, "auto"):
         raise InputError(f"weights {weights!r} may be those of an untrained network; use imagenet or a file")
@@ -51,12 +54,14 @@ def load_embedder(network: str, *, size: tuple[int, int], weights: str = "imagen
 
 
 def _build_resnet(size: tuple[int, int], weights: str) -> tuple[keras.Model, str]:
-    found = "imagenet" if weights == "imagenet" else None
+    from_keras = weights == "imagenet"
     try:
-        base = keras.applications.ResNet50(include_top=False, weights=found, input_shape=(*size, 3))
-    except Exception as error:  # Keras wraps what the network throws in bare Exception
+        base = keras.applications.ResNet50(
+            include_top=False, weights="imagenet" if from_keras else None, input_shape=(*size, 3)
+        )
+    except Exception as error:  # Keras wraps network errors in a bare Exception
         raise InputError(
             f"no ImageNet weights for {RESNET} ({str(error).splitlines()[0]}); "
             "pass --weights PATH of a file you have, or --network of one"
         ) from error
-    return (base, "imagenet, Keras") if found else load_weights_file(base, Path(weights), "ResNet50")
+    return base, "imagenet, Keras" if from_keras else load_weights_file(base, Path(weights), "ResNet50")

@@ -1,8 +1,12 @@
-"""Load a trained network from a run directory."""
+"""Load a trained network from a run directory.
+
+The network is built from the five keys of `config.toml` that define it and then filled with the numbers in
+`best.keras` or `weights.npz`. Nothing else in the directory is read, so a run from elsewhere runs no code.
+"""
 
 import zipfile
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,61 +14,131 @@ import keras
 import numpy as np
 
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE, EXPORTED_WEIGHTS_FILE, RANGES_FILE
-from laesi_tf.models.backbone import FROM_SCRATCH, build_backbone
-from laesi_tf.training import config_files
-from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.tasks import make_task
+from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE, EXPORTED_WEIGHTS_FILE
+from laesi_tf.common.schema import format_choices, read_toml, suggest_closest
+from laesi_tf.models.area_network import TRANSFORMS, build_area_network
+from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone
+from laesi_tf.models.mask_network import build_mask_network
+from laesi_tf.models.weights_file import load_weights
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folders `area` and `mask`: the exported runs that come with the package."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ModelSpec:
+    """What defines a network: task, backbone, width `alpha`, input `size` (height, width), area transform.
+
+    Raises InputError for a value that no network has.
+    """
+
+    task: str
+    backbone: str
+    alpha: float
+    size: tuple[int, int]
+    transform: str
+
+    def __post_init__(self) -> None:
+        known = {"task": NETWORK_BUILDERS, "backbone": BACKBONES, "transform": TRANSFORMS}
+        for name, choices in known.items():
+            _check_choice(name, getattr(self, name), tuple(choices))
+        if not (type(self.alpha) in (int, float) and 0.1 <= self.alpha <= 4):
+            raise InputError(f"alpha {self.alpha!r} is not a number between 0.1 and 4")
+        if len(self.size) != 2 or not all(type(side) is int and 32 <= side <= 4096 for side in self.size):
+            raise InputError(f"size {self.size!r} is not [height, width], each between 32 and 4096 pixels")
+
+    @classmethod
+    def from_config(cls, values: Mapping[str, Any]) -> "ModelSpec":
+        """Take the keys that define a network from the values of a `config.toml`. Raises InputError."""
+        names = ("task", "backbone", "alpha", "transform", "size")
+        if missing := [name for name in names if name not in values]:
+            raise InputError(f"key {missing[0]!r} is missing")
+        size = values["size"]
+        height_width = tuple(size) if isinstance(size, list | tuple) else (size, size)
+        return cls(**{name: values[name] for name in names} | {"size": height_width})
+
+
+# A head on a backbone without classifier: the one place where a task gets its network.
+NETWORK_BUILDERS: dict[str, Callable[[keras.Model, ModelSpec], keras.Model]] = {
+    "area": lambda base, spec: build_area_network(base, transform=spec.transform),
+    "mask": lambda base, spec: build_mask_network(base),
+}
+
+
 @dataclass(frozen=True)
 class Run:
-    """A trained model, [B, H, W, 3] of 0..255 in, and the configuration that says what comes out."""
+    """A trained network, [B, H, W, 3] of 0..255 in, and the specification that says what comes out."""
 
     path: Path
-    config: TrainConfig
+    spec: ModelSpec
     model: keras.Model
 
 
+def build_network(spec: ModelSpec, *, weights: str = FROM_SCRATCH) -> tuple[keras.Model, str]:
+    """Build an untrained network; return it and the origin of its backbone's `weights`.
+
+    `weights` is as for `build_backbone`. Raises InputError for weights that are not available.
+    """
+    base, origin = build_backbone(spec.backbone, size=spec.size, alpha=spec.alpha, weights=weights)
+    return add_head(base, spec), origin
+
+
+def add_head(base: keras.Model, spec: ModelSpec) -> keras.Model:
+    """Add the head of `spec.task` to a backbone without classifier."""
+    return NETWORK_BUILDERS[spec.task](base, spec)
+
+
 def load_run(path: Path | str) -> Run:
-    """The configuration and best model in a run's folder; InputError if missing, unfinished or broken."""
+    """Load the best network of a run directory.
+
+    Raises InputError for a run that is missing, broken, or has not reached its first validation.
+    """
     path = Path(path)
     if not (path / CONFIG_FILE).is_file():
-        raise InputError(
-            f"no run in {path}: it has no {CONFIG_FILE}; name a folder that train wrote with --out"
-        )
-    config = config_files.load_config(path / CONFIG_FILE)
-    if (path / RANGES_FILE).is_file():  # they may have changed, or be gone, where they came from
-        config = replace(config, ranges=str(path / RANGES_FILE))
-    best = path / BEST_MODEL_FILE
-    if (path / EXPORTED_WEIGHTS_FILE).is_file():
-        return Run(path, config, load_float16(path / EXPORTED_WEIGHTS_FILE, config))
-    if not best.is_file():
-        raise InputError(f"run {path} has no {BEST_MODEL_FILE} yet: let train reach its first validation")
+        raise InputError(f"no run in {path}: {CONFIG_FILE} is missing; name a folder that train wrote")
     try:
-        model = keras.models.load_model(best, compile=False)
-    except Exception as error:  # zipfile, h5py, JSON and Keras each have their own
-        raise InputError(f"{best} is broken or from another Keras version: train it again") from error
-    return Run(path, config, model)
+        spec = ModelSpec.from_config(read_toml(path / CONFIG_FILE))
+    except InputError as error:
+        raise InputError(f"{path / CONFIG_FILE}: {error}") from None
+    exported, best = path / EXPORTED_WEIGHTS_FILE, path / BEST_MODEL_FILE
+    if not exported.is_file() and not best.is_file():
+        raise InputError(f"run {path} has no {BEST_MODEL_FILE} yet: let train reach its first validation")
+    network, _ = build_network(spec)
+    if exported.is_file():
+        load_float16(network, exported)
+    else:
+        load_best(network, best)
+    return Run(path, spec, network)
 
 
-def load_float16(path: Path, config: TrainConfig) -> keras.Model:
-    base, _ = build_backbone(config.backbone, size=config.size, alpha=config.alpha, weights=FROM_SCRATCH)
-    model = make_task(config).build(base)
+def load_best(network: keras.Model, path: Path) -> None:
+    """Read the weights in `best.keras` into `network`. Raises InputError."""
+    try:
+        load_weights(network, path)
+    except InputError as error:
+        raise InputError(
+            f"{path} is broken or does not fit the {CONFIG_FILE} beside it; train the run again"
+        ) from error
+
+
+def load_float16(network: keras.Model, path: Path) -> None:
+    """Read the weights in `weights.npz`, as `export` writes it, into `network`. Raises InputError."""
     try:
         with np.load(path, allow_pickle=False) as saved:
-            for index, variable in numbered_weights(model):
-                variable.assign(saved[f"variable_{index}"].astype(np.float32))
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+            for name, variable in named_weights(network):
+                variable.assign(saved[name].astype(np.float32))
+    except (OSError, KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(
-            f"{path} is broken or does not fit its {CONFIG_FILE}: export the run again"
+            f"{path} is broken or does not fit the {CONFIG_FILE} beside it; export the run again"
         ) from error
-    return model
 
 
-def numbered_weights(model: keras.Model) -> Iterable[tuple[int, Any]]:
-    """The variables of a model that hold what it learned, statistics included, in its order."""
-    return enumerate(model.weights)
+def named_weights(network: keras.Model) -> Iterable[tuple[str, Any]]:
+    """Pair every weight of `network`, statistics included, with its key in `weights.npz`."""
+    return ((f"variable_{index}", variable) for index, variable in enumerate(network.weights))
+
+
+def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        close = suggest_closest(value, choices) if isinstance(value, str) else ""
+        raise InputError(f"unknown {name} {value!r}{close}; choose {format_choices(choices)}")
