@@ -39,7 +39,11 @@ class ModelSpec:
     transform: str
 
     def __post_init__(self) -> None:
-        known = {"task": NETWORK_BUILDERS, "backbone": BACKBONES, "transform": TRANSFORMS}
+        known: dict[str, Iterable[str]] = {
+            "task": NETWORK_BUILDERS,
+            "backbone": BACKBONES,
+            "transform": TRANSFORMS,
+        }
         for name, choices in known.items():
             _check_choice(name, getattr(self, name), tuple(choices))
         if not (type(self.alpha) in (int, float) and 0.1 <= self.alpha <= 4):
