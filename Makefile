@@ -1,10 +1,10 @@
-# Two commands for a newcomer: `make train` and `make test`. Both install first.
+# For a newcomer: `make install`, `make train`, `make test`, `make docs`. Each installs first, into $(VENV).
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: install train test clean
+.PHONY: install train test docs clean
 
 install: $(INSTALLED)
 
@@ -20,6 +20,11 @@ test: install
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/pytest
+	$(MAKE) docs
+
+# Warnings are errors. The examples of the gallery run when they have changed.
+docs: install
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -d docs/_build/doctrees docs docs/_build/html
 
 clean:
-	rm -rf $(VENV)
+	rm -rf $(VENV) docs/_build docs/auto_examples docs/api/generated
