@@ -15,11 +15,13 @@ from laesi_tf.synthesis import polygons
 from laesi_tf.synthesis.leaf.holes import HOLE_POINTS, HOLES, hole_outlines, sample_hole_numbers
 from laesi_tf.synthesis.leaf.outline import (
     OUTLINE_POINTS,
+    OutlineCurve,
     half_width,
     leaf_area_cm2,
     midrib,
     resample_outline,
-    sample_outline_curve,
+    sample_outline_numbers,
+    trace_outline,
 )
 from laesi_tf.synthesis.leaf.params import LEAF_KINDS, LeafParams
 from laesi_tf.synthesis.random_streams import RandomStreams
@@ -40,18 +42,20 @@ def circle(radius: float) -> np.ndarray:
     return (np.stack([np.cos(angle), -np.sin(angle)], -1) * grown).astype(np.float32)
 
 
-def drawn(kind: str, index: int) -> LeafParams:
-    room = LEAF_KINDS[kind][1]
-    uniform = np.random.default_rng(index).uniform(size=field_count(room)).astype(np.float32)
-    return sample_params(room, tf.constant(uniform))
+def sample_leaf(kind: str, index: int) -> LeafParams:
+    ranges = LEAF_KINDS[kind][1]
+    uniform = np.random.default_rng(index).uniform(size=field_count(ranges)).astype(np.float32)
+    return sample_params(ranges, tf.constant(uniform))
 
 
-def outline_of(leaf: LeafParams, key: RandomStreams) -> tf.Tensor:
-    return resample_outline(sample_outline_curve(leaf, key))
+def outline_of(leaf: LeafParams, streams: RandomStreams) -> tf.Tensor:
+    points, lengths = trace_outline(leaf, sample_outline_numbers(streams))
+    segments = polygons.find_segments(lengths, OUTLINE_POINTS)
+    return resample_outline(OutlineCurve(points, lengths, segments))
 
 
-def holes_of(leaf: LeafParams, key: RandomStreams) -> tf.Tensor:
-    return hole_outlines(leaf, sample_hole_numbers(key))
+def holes_of(leaf: LeafParams, streams: RandomStreams) -> tf.Tensor:
+    return hole_outlines(leaf, sample_hole_numbers(streams))
 
 
 @settings(max_examples=20, deadline=None)
@@ -86,7 +90,7 @@ def test_half_width_is_one_where_the_leaf_is_widest_and_zero_at_its_ends() -> No
 @pytest.mark.parametrize("kind", LEAF_KINDS)
 def test_outlines_of_every_kind(kind: str) -> None:
     for index in range(3):
-        outline = outline_of(drawn(kind, index), RandomStreams(0, index)).numpy()
+        outline = outline_of(sample_leaf(kind, index), RandomStreams(0, index)).numpy()
         assert outline.shape == (OUTLINE_POINTS, 2) and np.isfinite(outline).all()
         gaps = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
         # Even along the curve, so a chord is at most its arc and shorter where the curve turns.

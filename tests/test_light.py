@@ -32,10 +32,10 @@ def centre_of(field: np.ndarray) -> np.ndarray:
     return np.array([(columns * field).sum(), (rows * field).sum()]) / field.sum()
 
 
-@pytest.mark.parametrize("spread", [5.0, 9.0])
-def test_soften_is_a_gaussian_blur(spread: float) -> None:
-    expected = cv2.GaussianBlur(disk(), (0, 0), spread, borderType=cv2.BORDER_CONSTANT)
-    found = filters.blur_and_shift(tf.constant(disk()), SIZE, tf.constant(spread)).field.numpy()
+@pytest.mark.parametrize("sigma", [5.0, 9.0])
+def test_blur_and_shift_is_a_gaussian_blur(sigma: float) -> None:
+    expected = cv2.GaussianBlur(disk(), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    found = filters.blur_and_shift(tf.constant(disk()), SIZE, tf.constant(sigma)).values.numpy()
     # Blocks of four pixels widen it by 4 / sqrt(12) px in quadrature.
     np.testing.assert_allclose(found, expected, atol=0.02)
 

@@ -10,56 +10,63 @@ import tensorflow as tf
 from scenes import complete, filled, middle
 
 from laesi_tf.synthesis import load_ranges, sample_scene
-from laesi_tf.synthesis.props.drawing import PROPS, draw_props
 from laesi_tf.synthesis.props.handwriting import handwriting_stroke
 from laesi_tf.synthesis.props.params import PropsParams
 from laesi_tf.synthesis.props.placement import PropContext, place_beside_leaf
+from laesi_tf.synthesis.props.registry import PROPS
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Probability, _low_bits, field_count, sample_params
+from laesi_tf.synthesis.renderer import compute_layout, draw_props
 from laesi_tf.synthesis.scene import Scene
-from laesi_tf.synthesis.scene_layout import compute_layout, leaf_edges
+from laesi_tf.synthesis.scene_layout import SceneLayout, leaf_edges
 
 SIZE = (160, 160)
 RANGES = complete()
-NOTHING = tf.fill([3, *SIZE], 2.0)
-"""A picture brighter than anything, so that whatever lies on it is seen."""
+BRIGHT = tf.fill([3, *SIZE], 2.0)
+"""An image brighter than any prop, on which every prop is visible."""
 
 
-def staged(index: int) -> tuple[Scene, PropContext, np.ndarray]:
-    """A scene, its stage, and where [H, W] its leaf is."""
+def lay_out(index: int) -> tuple[Scene, SceneLayout, np.ndarray]:
+    """Return a scene, its layout, and the pixels [H, W] of its leaf."""
     scene = sample_scene(4, index, RANGES)
-    around = compute_layout(scene, SIZE)
-    cover = filled(leaf_edges(around, SIZE), SIZE)
-    return scene, PropContext(leaf=around.outline, view=around.view, size=SIZE), np.abs(cover.numpy()) > 0.01
+    layout = compute_layout(scene, SIZE)
+    coverage = filled(leaf_edges(layout, SIZE), SIZE)
+    return scene, layout, np.abs(coverage.numpy()) > 0.01
+
+
+def draw(name: str, scene: Scene, layout: SceneLayout) -> np.ndarray:
+    """Return the image [3, H, W] of one prop."""
+    return draw_props(BRIGHT, scene, layout, SIZE, (name,)).numpy()
 
 
 @pytest.mark.parametrize("name", PROPS)
 def test_prop_is_seen_and_never_covers_the_leaf(name: str) -> None:
     covered = []
     for index in range(8):
-        scene, stage, leaf = staged(index)
-        laid = draw_props(NOTHING, scene.props, stage, scene.key, [name]).numpy()
-        touched = (np.abs(laid - 2) > 1e-4).any(axis=0)
-        assert not (touched & leaf).any()
-        assert np.isfinite(laid).all() and laid.min() >= -1e-4
-        covered.append(touched.sum())
+        scene, layout, leaf = lay_out(index)
+        image = draw(name, scene, layout)
+        changed = (np.abs(image - 2) > 1e-4).any(axis=0)
+        assert not (changed & leaf).any()
+        assert np.isfinite(image).all() and image.min() >= -1e-4
+        covered.append(changed.sum())
     assert max(covered) > 20
 
 
-def test_nothing_named_lays_nothing() -> None:
-    scene, stage, _ = staged(0)
-    np.testing.assert_array_equal(draw_props(NOTHING, scene.props, stage, scene.key, []), NOTHING)
+def test_without_props_nothing_is_drawn() -> None:
+    scene, layout, _ = lay_out(0)
+    np.testing.assert_array_equal(draw_props(BRIGHT, scene, layout, SIZE, ()), BRIGHT)
 
 
 @pytest.mark.parametrize("direction", np.linspace(-3, 3, 5).tolist())
-def test_place_keeps_the_gap(direction: float) -> None:
-    _, stage, _ = staged(1)
+def test_position_keeps_the_gap(direction: float) -> None:
+    _, layout, _ = lay_out(1)
+    context = PropContext(layout.outline, layout.view.to_px, tf.constant(SIZE[::-1], tf.float32))
     square = tf.constant([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]])
     points = place_beside_leaf(
-        square, stage, tf.constant(direction), tf.constant(0.4), tf.constant(3.0)
+        square, context, tf.constant(direction), tf.constant(0.4), tf.constant(3.0)
     ).numpy()
     away = np.array([math.cos(direction), math.sin(direction)])
-    assert (points @ away).min() - (stage.leaf.numpy() @ away).max() == pytest.approx(3, abs=1e-3)
+    assert (points @ away).min() - (context.outline.numpy() @ away).max() == pytest.approx(3, abs=1e-3)
     sides = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     np.testing.assert_allclose(sides, 10, atol=1e-4)
 
@@ -77,9 +84,10 @@ def test_writing_has_its_length_height_and_stroke() -> None:
 
 
 def test_props_of_different_scenes_differ() -> None:
-    scene, stage, _ = staged(2)
+    scene, layout, _ = lay_out(2)
     one, other = (
-        draw_props(NOTHING, scene.props, stage, RandomStreams(0, i), ["fragment"]).numpy() for i in (0, 1)
+        draw("fragment", dataclasses.replace(scene, streams=RandomStreams(0, index)), layout)
+        for index in (0, 1)
     )
     assert (one != other).any()
 
@@ -91,13 +99,12 @@ def test_calibration_square_is_whole_and_has_its_size_on_the_sheet() -> None:
     """Counted on the sheet: each pixel that it covers has the size that the homography gives it there."""
     for index in range(12):
         scene = sample_scene(8, index, CALIBRATION)
-        place = compute_layout(scene, SIZE)
-        stage = PropContext(leaf=place.outline, view=place.view, size=SIZE)
-        laid = draw_props(NOTHING, scene.props, stage, scene.key, ["calibration"]).numpy()
-        covered = (2 - laid[1]) / (2 - laid[1].min())
+        layout = compute_layout(scene, SIZE)
+        image = draw("calibration", scene, layout)
+        covered = (2 - image[1]) / (2 - image[1].min())
         assert not covered[[0, -1]].any() and not covered[:, [0, -1]].any()
         rows, columns = np.nonzero(covered)
-        to_px = place.view.to_px.numpy().astype(np.float64)
+        to_px = layout.view.to_px.numpy().astype(np.float64)
         x, y, w = np.linalg.inv(to_px) @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
         depth = to_px[2] @ np.stack([x / w, y / w, np.ones_like(w)])
         found_mm2 = np.sum(covered[rows, columns] * np.abs(depth**3 / np.linalg.det(to_px)))

@@ -14,7 +14,8 @@ from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render_scene, sample_scene, synthesise
 from laesi_tf.synthesis.random_streams import Stream
 from laesi_tf.synthesis.ranges import Probability, field_count, fields_of, sample_params_of_kind
-from laesi_tf.synthesis.scene_layout import compute_layout, leaf_edges
+from laesi_tf.synthesis.renderer import compute_layout
+from laesi_tf.synthesis.scene_layout import leaf_edges
 
 SINGLY = RENDERING_2.with_passes(1)
 FULL = complete()
@@ -62,7 +63,7 @@ def pinned() -> Callable[..., dict[str, tf.Tensor]]:
     @tf.function
     def make(index: tf.Tensor, kind: tf.Tensor, which: tf.Tensor, value: tf.Tensor) -> dict[str, tf.Tensor]:
         scene = sample_scene(5, index, SINGLY)
-        uniform = scene.key.uniform([field_count(KINDS[0])], Stream.SCENE)
+        uniform = scene.streams.uniform([field_count(KINDS[0])], Stream.SCENE)
         scene = dataclasses.replace(scene, leaf=sample_params_of_kind(KINDS, kind, uniform))
         return render_scene(_set(scene, which, value), (160, 160), SINGLY)
 

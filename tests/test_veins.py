@@ -1,4 +1,4 @@
-"""Turtles, ribbons and the veins of a leaf."""
+"""Turtles, strokes and the veins of a leaf."""
 
 import math
 
@@ -36,7 +36,7 @@ def test_turtle(commands: list[tuple[float, float]], heading: float, start: tupl
     np.testing.assert_allclose(path, walk(start, heading, commands), atol=1e-3)
 
 
-def test_ribbon_of_a_straight_path_has_its_width() -> None:
+def test_stroke_of_a_straight_path_has_its_width() -> None:
     path = tf.constant(np.stack([np.linspace(0, 10, 6), np.linspace(0, 5, 6)], -1), tf.float32)
     outline = polygons.stroke_outlines(path, tf.fill([6], 1.5))
     assert abs(float(polygons.signed_area(outline))) == pytest.approx(math.hypot(10, 5) * 1.5, rel=1e-4)
@@ -78,8 +78,3 @@ def test_veins_taper_towards_their_ends() -> None:
     widths = np.linalg.norm(left - right, axis=1)
     assert widths[0] == pytest.approx(2, rel=0.02) and widths[-1] == pytest.approx(0.5, rel=0.05)
     assert (np.diff(widths) < 0).all()
-
-
-def test_height_is_bounded_where_veins_cross() -> None:
-    height = veins.vein_height(tf.constant([[-2.0, -0.4, 0.0, 3.0]]))
-    np.testing.assert_allclose(height, [[1, 0.4, 0, 1]])

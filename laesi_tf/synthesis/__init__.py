@@ -1,15 +1,16 @@
-"""Pictures of leaves on millimetre paper, made in-graph from a few dozen numbers.
+"""Synthetic images of leaves on millimetre paper, rendered in-graph from a few dozen numbers.
 
-Value contract: images are uint8 [H, W, 3] RGB 0..255 and masks uint8 [H, W] 0/1 outside this package; inside
-it they are planar float32 [3, H, W] and [H, W] in [0, 1]. Lengths are millimetres, areas cm2. Every random
-number comes from (seed, index): the same pair gives the same bytes from any dataset, and outside of one
-the same but for the last bit of rounding.
+Value contract: images are uint8 [H, W, 3] RGB 0..255 and masks uint8 [H, W] 0/1 outside of this package;
+inside they are planar float32 [3, H, W] and [H, W] in [0, 1]. Lengths are in mm, areas in cm2. Every random
+number comes from (seed, index): the same pair gives the same bytes in every dataset, and outside of one the
+same but for the last bit of rounding.
 """
 
 from pathlib import Path
 
 import tensorflow as tf
 
+from laesi_tf.synthesis.geometry import ImageSize, require_shape
 from laesi_tf.synthesis.ranges_toml import load_ranges
 from laesi_tf.synthesis.renderer import render_lighting_passes, render_scene
 from laesi_tf.synthesis.scene import COMPONENTS, Ranges, Scene, sample_lighting_passes, sample_scene
@@ -19,8 +20,8 @@ __all__ = [
     "Ranges",
     "Scene",
     "load_ranges",
-    "render",
-    "sample",
+    "render_scene",
+    "sample_scene",
     "synthesise",
     "synthesise_passes",
 ]
@@ -30,44 +31,54 @@ __all__ = [
 def synthesise(
     seed: tf.Tensor | int,
     *,
-    size: tuple[int, int] = (224, 224),
+    size: ImageSize = (224, 224),
     ranges: str | Path | Ranges = "rendering_2",
     index: tf.Tensor | int = 0,
     textures: tf.Tensor | None = None,
 ) -> dict[str, tf.Tensor]:
-    """Make picture `index` of the stream `seed`, eagerly or inside tf.data.
+    """Render image `index` of `seed`, eagerly or inside tf.data.
 
-    `size` is (height, width) in pixels; `ranges` a preset's name, a TOML file or Ranges. `textures`
-    [N, T, T, 3], relative to mean 1, blends photographed leaves into C1 (see `laesi_tf.data.leaf_textures`).
+    `size` is (height, width) in pixels; `ranges` a preset's name, a TOML file or Ranges. `textures` float32
+    [N, T, T, 3], an array, tensor or variable relative to mean 1, blends photos of leaves into the colour C1
+    (see `laesi_tf.data.leaf_textures`).
 
-    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's
-    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), `kind`
-    int32 [] (place of the kind of leaf in the ranges' `leaf`) and `index` int64 []. Raises InputError for
-    unknown ranges.
+    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's centroid)
+    and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), `kind` int32 []
+    (position of the leaf's kind in the ranges' `leaf`) and `index` int64 []. Raises InputError for unknown
+    ranges, ValueError for textures of another shape.
     """
-    chosen = load_ranges(ranges)
+    loaded = load_ranges(ranges)
     index = tf.cast(index, tf.int64)
-    return render_scene(sample_scene(seed, index, chosen), size, chosen, textures=textures) | {"index": index}
+    scene = sample_scene(seed, index, loaded)
+    return render_scene(scene, size, loaded, textures=_as_textures(textures)) | {"index": index}
 
 
 @tf.autograph.experimental.do_not_convert
 def synthesise_passes(
     seed: tf.Tensor | int,
     *,
-    size: tuple[int, int] = (224, 224),
+    size: ImageSize = (224, 224),
     ranges: str | Path | Ranges = "rendering_2",
     first: tf.Tensor | int = 0,
     textures: tf.Tensor | None = None,
 ) -> dict[str, tf.Tensor]:
-    """Make the pictures of all lighting passes over one leaf, from picture `first` on (paper, "Rendering").
+    """Render all lighting passes over one leaf, from image `first` on (paper, "Rendering").
 
-    As `synthesise`, with an axis [ranges.lighting_passes] before the others: the same pictures for less, as
-    leaf and paper are made once. `first` is a multiple of the passes.
+    As `synthesise`, with an axis [ranges.lighting_passes] before the others: the same images for less, as
+    leaf and paper are rendered once. `first` is a multiple of the number of passes.
     """
-    chosen = load_ranges(ranges)
+    loaded = load_ranges(ranges)
     first = tf.cast(first, tf.int64)
-    pictures = render_lighting_passes(
-        sample_lighting_passes(seed, first, chosen), size, chosen, textures=textures
-    )
-    made = {name: tf.stack([picture[name] for picture in pictures]) for name in pictures[0]}
-    return made | {"index": first + tf.range(len(pictures), dtype=tf.int64)}
+    scenes = sample_lighting_passes(seed, first, loaded)
+    samples = render_lighting_passes(scenes, size, loaded, textures=_as_textures(textures))
+    stacked = {name: tf.stack([sample[name] for sample in samples]) for name in samples[0]}
+    return stacked | {"index": first + tf.range(len(samples), dtype=tf.int64)}
+
+
+def _as_textures(textures: tf.Tensor | None) -> tf.Tensor | None:
+    """Convert textures to a tensor: an array cannot be indexed by tensors in graph mode."""
+    if textures is None:
+        return None
+    converted = tf.convert_to_tensor(textures, tf.float32)
+    require_shape("textures", converted, (None, None, None, 3))
+    return converted

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def catmull_rom(controls: int, points: int) -> np.ndarray:
-    """Basis [points, controls] of the interpolating cubic through evenly spaced control points."""
+    """Return the basis [points, controls] of the interpolating cubic through evenly spaced control points."""
     position = np.linspace(0, controls - 1, points)
     left = np.minimum(position.astype(int), controls - 2)
     t = position - left
@@ -18,6 +18,7 @@ def catmull_rom(controls: int, points: int) -> np.ndarray:
 
 
 def linear(nodes: int, points: int) -> np.ndarray:
-    """Basis [points, nodes] of linear interpolation between evenly spaced nodes."""
+    """Return the basis [points, nodes] of linear interpolation between evenly spaced nodes."""
     position = np.linspace(0, nodes - 1, points)[:, None]
-    return np.maximum(1 - np.abs(position - np.arange(nodes)), 0).astype(np.float32)
+    basis: np.ndarray = np.maximum(1 - np.abs(position - np.arange(nodes)), 0).astype(np.float32)
+    return basis

@@ -1,12 +1,22 @@
 """Homographies and pixel grids in TensorFlow.
 
-Points are (x, y) floats; pixel (row i, column j) covers [j, j+1] x [i, i+1], so centres lie at halves.
+Points are (x, y) floats; pixel (row i, column j) covers [j, j+1] x [i, i+1], so pixel centres lie at halves.
+A homography [3, 3] maps (X, Y, 1) on the sheet, in mm, to pixels. `laesi_tf.common.geometry` is the NumPy
+twin.
 """
+
+from typing import TypeAlias
 
 import tensorflow as tf
 
-ImageSize = tuple[int, int]
+ImageSize: TypeAlias = tuple[int, int]
 """Height and width in pixels."""
+
+
+def require_shape(name: str, tensor: tf.Tensor, shape: tuple[int | None, ...]) -> None:
+    """Raise ValueError unless the static shape of `tensor` is compatible with `shape`; None is any length."""
+    if not tensor.shape.is_compatible_with(shape):
+        raise ValueError(f"{name} has shape {tensor.shape}; expected {list(shape)}")
 
 
 def project_points(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
@@ -17,14 +27,14 @@ def project_points(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
 
 
 def px_per_mm_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
-    """Pixels per millimetre at `point` [2] mm: root of the Jacobian determinant, |det H| / w^3."""
+    """Return pixels per mm at `point` [2] mm: the root of the Jacobian determinant, |det H| / w^3."""
     w = tf.reduce_sum(homography[2, :2] * point) + homography[2, 2]
     determinant = tf.reduce_sum(homography[0] * tf.linalg.cross(homography[1], homography[2]))
     return tf.sqrt(tf.abs(determinant) / tf.abs(w) ** 3)
 
 
 def pixel_centres_to_sheet(to_px: tf.Tensor, size: ImageSize) -> tuple[tf.Tensor, tf.Tensor]:
-    """Sheet position X, Y [H, W] in mm under each pixel's centre."""
+    """Return the sheet positions X and Y, [H, W] mm, of all pixel centres under homography `to_px` [3, 3]."""
     # The adjugate: a homography's inverse up to a factor, which the division removes.
     inverse = tf.linalg.cross(tf.gather(to_px, [1, 2, 0]), tf.gather(to_px, [2, 0, 1]))
     u = tf.range(size[1], dtype=tf.float32)[None, :] + 0.5

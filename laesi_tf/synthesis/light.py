@@ -1,12 +1,12 @@
-"""Light: the leaf's shadow S(s, p, sz), uneven illumination, and a glass pane (paper, "Rendering").
+"""Light: the leaf's shadow S(s, p, sz), uneven illumination, and a pane of glass (paper, "Rendering").
 
-Shadows and illumination are smooth, so they are made on a lattice a fraction of the picture's size and
-interpolated. The numbers of this room are drawn once per lighting pass: the passes over one leaf differ in
-nothing else.
+Shadows and illumination are smooth, so they are computed on a coarse grid and interpolated. These parameters
+are sampled once per lighting pass: the passes over one leaf differ in nothing else.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Generic
 
 import tensorflow as tf
 
@@ -14,113 +14,97 @@ from laesi_tf.synthesis import noise
 from laesi_tf.synthesis.filters import blur_and_shift
 from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
-from laesi_tf.synthesis.ranges import Number, Probability
+from laesi_tf.synthesis.ranges import Scalar, Value, interval, probability
+
+GRID_NODES = 28
+"""Nodes along each axis of the grid on which illumination is computed."""
 
 
 @dataclass(frozen=True)
-class LightParams:
+class LightParams(Generic[Value]):
     """One lighting of the scene."""
 
-    strength: Number = (0.08, 0.6)
-    """s: how much of the light the leaf's shadow takes."""
-    direction: Number = (-math.pi, math.pi)
-    offset_mm: Number = (0.0, 3.5)
-    """p: the shadow's displacement, in polar form with `direction`."""
-    softness_mm: Number = (0.35, 3.5)
+    strength: Value = interval(0.08, 0.6)
+    """s: share of the light that the leaf's shadow removes."""
+    direction: Value = interval(-math.pi, math.pi)
+    offset_mm: Value = interval(0.0, 3.5)
+    """p: displacement of the shadow, along `direction`."""
+    softness_mm: Value = interval(0.35, 3.5)
     """sz: standard deviation of the shadow's edge."""
-    slope: Number = (0.0, 0.4)
-    """Fall-off of the light across the picture."""
-    vignette: Number = (0.0, 0.35)
-    unevenness: Number = (0.0, 0.1)
-    cast: Number = Probability(0.35)
-    """Something outside the frame (a hand, the phone) shades part of the picture."""
-    cast_strength: Number = (0.1, 0.55)
-    cast_softness: Number = (0.01, 0.12)
-    cast_offset: Number = (-0.45, 0.45)
-    cast_angle: Number = (-math.pi, math.pi)
-    relief: Number = (0.1, 0.9)
+    slope: Value = interval(0.0, 0.4)
+    """Fall-off of the light across the image."""
+    vignette: Value = interval(0.0, 0.35)
+    unevenness: Value = interval(0.0, 0.1)
+    cast: Value = probability(0.35)
+    """Something outside the image (a hand, the phone) shades part of it."""
+    cast_strength: Value = interval(0.1, 0.55)
+    cast_softness: Value = interval(0.01, 0.12)
+    cast_offset: Value = interval(-0.45, 0.45)
+    cast_angle: Value = interval(-math.pi, math.pi)
+    relief: Value = interval(0.1, 0.9)
     """Strength of the shading by the leaf's normals."""
-    gloss: Number = (0.0, 0.35)
-    glass: Number = Probability(0.16)
-    glass_strength: Number = (0.05, 0.4)
-    glass_angle: Number = (-math.pi, math.pi)
-    glass_offset: Number = (-0.4, 0.4)
-    glass_width: Number = (0.06, 0.35)
-    glass_veil: Number = (0.0, 0.1)
+    gloss: Value = interval(0.0, 0.35)
+    glass: Value = probability(0.16)
+    glass_strength: Value = interval(0.05, 0.4)
+    glass_angle: Value = interval(-math.pi, math.pi)
+    glass_offset: Value = interval(-0.4, 0.4)
+    glass_width: Value = interval(0.06, 0.35)
+    glass_veil: Value = interval(0.0, 0.1)
 
 
-GRID_NODES = 28
+def sample_illumination_grid(streams: RandomStreams) -> tf.Tensor:
+    """Sample the uniform numbers [8, 8] of one lighting's unevenness."""
+    return streams.uniform([8, 8], Stream.ILLUMINATION)
 
 
-def light_direction(light: LightParams) -> tf.Tensor:
-    """Unit vector [2] along which the light travels over the picture."""
+def light_direction(light: LightParams[Scalar]) -> tf.Tensor:
+    """Return the unit vector [2] along which the light travels over the image."""
     return tf.stack([tf.cos(light.direction), tf.sin(light.direction)])
 
 
-def shadow_depth(coverage: tf.Tensor, light: LightParams, size: ImageSize, px_per_mm: tf.Tensor) -> tf.Tensor:
-    """Depth of the shadow, [H, W] in about [0, 1], beside a caster of `coverage` [H, W] (shadow mapping).
+def shadow_depth(
+    coverage: tf.Tensor, light: LightParams[Scalar], size: ImageSize, px_per_mm: tf.Tensor
+) -> tf.Tensor:
+    """Return the depth [H, W] in about [0, 1] of the shadow of an object of `coverage` [H, W].
 
-    The caster is shifted by p and blurred by sz while it is interpolated from a quarter of the resolution.
+    Shadow mapping: the coverage is shifted by p and blurred by sz while it is interpolated from a quarter of
+    the resolution.
     """
-    shift = light.offset_mm * px_per_mm * light_direction(light)
-    return blur_and_shift(coverage, size, light.softness_mm * px_per_mm, shift=shift).field
+    shift_px = light.offset_mm * px_per_mm * light_direction(light)
+    return blur_and_shift(coverage, size, light.softness_mm * px_per_mm, shift_px=shift_px).values
 
 
-def apply_shadow(image: tf.Tensor, depth: tf.Tensor, light: LightParams) -> tf.Tensor:
-    """[3, H, W] with a shadow of `depth` [H, W] on it."""
+def apply_shadow(image: tf.Tensor, depth: tf.Tensor, light: LightParams[Scalar]) -> tf.Tensor:
+    """Darken [3, H, W] by a shadow of `depth` [H, W]."""
     return image * (1 - light.strength * tf.minimum(depth, 1))
 
 
-def sample_illumination_grid(key: RandomStreams) -> tf.Tensor:
-    """The uniform numbers [8, 8] behind uneven `illumination`."""
-    return key.uniform([8, 8], Stream.ILLUMINATION)
-
-
-def illumination(light: LightParams, values: tf.Tensor, size: ImageSize) -> tf.Tensor:
-    """Relative illumination [H, W]: fall-off, vignetting, unevenness (by its `lattice`) and cast shadows."""
-    x, y = centred_coordinates(GRID_NODES, size)
-    along = light_direction(light)
-    field = 1 + light.slope * (x * along[0] + y * along[1]) - light.vignette * (x * x + y * y)
-    field *= 1 + light.unevenness * noise.simple_noise(values, (GRID_NODES, GRID_NODES)).field
-    distance = x * tf.cos(light.cast_angle) + y * tf.sin(light.cast_angle) - light.cast_offset
-    strength = light.cast_strength * tf.cast(light.cast, tf.float32)
-    field *= 1 - strength * tf.sigmoid(distance / light.cast_softness)
-    return noise.interpolate_grid(field, size).field
-
-
-def slope_towards_light(slopes: tuple[tf.Tensor, tf.Tensor], light: LightParams) -> tf.Tensor:
-    """How far [H, W] a surface with `slopes` (dH/dx and dH/dy) leans towards the light."""
+def slope_towards_light(slopes: tuple[tf.Tensor, tf.Tensor], light: LightParams[Scalar]) -> tf.Tensor:
+    """Return how much [H, W] a surface of `slopes` (dH/dx, dH/dy) leans towards the light."""
     along = light_direction(light)
     return -(slopes[0] * along[0] + slopes[1] * along[1])
 
 
-def shade_relief(colour: tf.Tensor, facing: tf.Tensor, light: LightParams) -> tf.Tensor:
-    """Shade [3, H, W] by how it is `facing` [H, W] the light: Lambert's law and a highlight."""
-    lit = tf.clip_by_value(1 + light.relief * facing, 0.3, 1.8)
-    highlight = tf.clip_by_value(facing - 0.05, 0, 0.8)
-    return colour * lit + light.gloss * highlight * highlight
+def shade_relief(colour: tf.Tensor, slope: tf.Tensor, light: LightParams[Scalar]) -> tf.Tensor:
+    """Shade [3, H, W] by its `slope_towards_light` [H, W]: Lambert's law and a highlight."""
+    diffuse = tf.clip_by_value(1 + light.relief * slope, 0.3, 1.8)
+    highlight = tf.clip_by_value(slope - 0.05, 0, 0.8)
+    return colour * diffuse + light.gloss * highlight * highlight
 
 
-def glass_reflection(light: LightParams, size: ImageSize) -> tf.Tensor:
-    """How much [H, W] of the light comes from a pane: a veil and the soft-edged reflection of a window."""
+def illumination(light: LightParams[Scalar], grid: tf.Tensor, size: ImageSize) -> tf.Tensor:
+    """Return the relative illumination [H, W]: fall-off, vignetting, unevenness and cast shadows.
 
-    def reflect() -> tf.Tensor:
-        x, y = centred_coordinates(2 * GRID_NODES, size)
-        cosine, sine = tf.cos(light.glass_angle), tf.sin(light.glass_angle)
-        across = x * cosine + y * sine - light.glass_offset
-        along = y * cosine - x * sine
-        pane = tf.sigmoid((light.glass_width - tf.abs(across)) / 0.02)
-        bars = tf.sigmoid((tf.abs(tf.abs(along) - 0.2) - 0.02) / 0.01) * tf.sigmoid(
-            (0.42 - tf.abs(along)) / 0.03
-        )
-        return light.glass_veil + light.glass_strength * noise.interpolate_grid(pane * bars, size).field
-
-    return tf.cond(light.glass, reflect, lambda: tf.zeros(size))
-
-
-def add_glass_reflection(image: tf.Tensor, reflected: tf.Tensor) -> tf.Tensor:
-    """[3, H, W] behind a pane that reflects as much as `glass` says: its shadows are lifted."""
-    return image + reflected * (0.97 - image)
+    `grid` [8, 8] comes from `sample_illumination_grid`.
+    """
+    x, y = centred_coordinates(GRID_NODES, size)
+    along = light_direction(light)
+    field = 1 + light.slope * (x * along[0] + y * along[1]) - light.vignette * (x * x + y * y)
+    field *= 1 + light.unevenness * noise.simple_noise(grid, (GRID_NODES, GRID_NODES)).values
+    distance = x * tf.cos(light.cast_angle) + y * tf.sin(light.cast_angle) - light.cast_offset
+    strength = light.cast_strength * tf.cast(light.cast, tf.float32)
+    field *= 1 - strength * tf.sigmoid(distance / light.cast_softness)
+    return noise.interpolate_grid(field, size).values
 
 
 def centred_coordinates(nodes: int, size: ImageSize) -> tuple[tf.Tensor, tf.Tensor]:
@@ -131,3 +115,25 @@ def centred_coordinates(nodes: int, size: ImageSize) -> tuple[tf.Tensor, tf.Tens
     line = tf.linspace(-0.5, 0.5, nodes)
     down, across = ((1 - side / max(size)) / 2 for side in size)
     return line[None, :] + across, line[:, None] + down
+
+
+def glass_reflection(light: LightParams[Scalar], size: ImageSize) -> tf.Tensor:
+    """Return what a pane reflects [H, W]: a veil and the reflection of a window with soft edges."""
+
+    def reflect() -> tf.Tensor:
+        x, y = centred_coordinates(2 * GRID_NODES, size)
+        cosine, sine = tf.cos(light.glass_angle), tf.sin(light.glass_angle)
+        across = x * cosine + y * sine - light.glass_offset
+        along = y * cosine - x * sine
+        pane = tf.sigmoid((light.glass_width - tf.abs(across)) / 0.02)
+        bars = tf.sigmoid((tf.abs(tf.abs(along) - 0.2) - 0.02) / 0.01) * tf.sigmoid(
+            (0.42 - tf.abs(along)) / 0.03
+        )
+        return light.glass_veil + light.glass_strength * noise.interpolate_grid(pane * bars, size).values
+
+    return tf.cond(light.glass, reflect, lambda: tf.zeros(size))
+
+
+def add_glass_reflection(image: tf.Tensor, reflection: tf.Tensor) -> tf.Tensor:
+    """Lift the shadows of [3, H, W] by what a pane of glass in front of it reflects [H, W]."""
+    return image + reflection * (0.97 - image)

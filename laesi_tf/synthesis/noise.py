@@ -1,9 +1,9 @@
 """Gradient, Voronoi and simple noise, and their weighted sum L (paper, section 3.1).
 
-Every field is a product of small matrices: a random lattice between two interpolation matrices. Nothing
-is hashed per pixel, so low-frequency noise costs next to nothing at any picture size.
-Fields are float32 [H, W], kept as those matrices (`Factors`) until they are needed; `cells` is how
-many lattice cells span the picture's longer side.
+Every field is a product of small matrices: a grid of random numbers between two interpolation matrices.
+Nothing is hashed per pixel, so low-frequency noise costs next to nothing at any image size. Fields are
+float32 [H, W], kept as those matrices (`SeparableField`) until they are needed; `cells` is how many grid
+cells span the longer side of the image.
 """
 
 from dataclasses import dataclass
@@ -13,31 +13,17 @@ import tensorflow as tf
 
 from laesi_tf.synthesis.geometry import ImageSize
 
-
-def _fade(x: tf.Tensor) -> tf.Tensor:
-    """Perlin's quintic 6x^5 - 15x^4 + 10x^3: 0 at 0, 1 at 1, flat to second order at both."""
-    return x * x * x * (x * (x * 6 - 15) + 10)
-
-
-def _offsets(size: ImageSize, nodes: int, cells: tf.Tensor | float) -> tuple[tf.Tensor, tf.Tensor]:
-    """Offsets [H, nodes] and [W, nodes] of each pixel from each lattice node, in cells."""
-    pixels = (tf.range(max(size), dtype=tf.float32) + 0.5) * (cells / max(size))
-    offsets = pixels[:, None] - tf.range(nodes, dtype=tf.float32)
-    return offsets[: size[0]], offsets[: size[1]]
-
-
-def _spline(offsets: tf.Tensor) -> tf.Tensor:
-    """Weights of the cubic B-spline: smooth and free of the lattice's axes."""
-    distance = tf.abs(offsets)
-    far = tf.maximum(2 - distance, 0)
-    near = tf.maximum(1 - distance, 0)
-    return far * far * far * (1 / 6) - near * near * near * (4 / 6)
+VORONOI_CELLS = 8
+_VORONOI_SAMPLES = 4
+"""Samples of a Voronoi cell along each axis."""
 
 
 @dataclass(frozen=True)
 class SeparableField:
-    """A field as the matrix product of `down` [H, k] and `across` [W, k]: fields are added before they are
-    multiplied out, so that a sum of several is made in one pass over the picture."""
+    """A field as the matrix product of `down` [H, k] and `across` [W, k].
+
+    Fields are added before they are multiplied out, so that a sum of several is one pass over the image.
+    """
 
     down: tf.Tensor
     across: tf.Tensor
@@ -47,35 +33,55 @@ class SeparableField:
             tf.concat([self.down, other.down], axis=1), tf.concat([self.across, other.across], axis=1)
         )
 
-    def __mul__(self, scale: tf.Tensor | float) -> "SeparableField":
-        return SeparableField(self.down * scale, self.across)
+    def __mul__(self, factor: tf.Tensor | float) -> "SeparableField":
+        return SeparableField(self.down * factor, self.across)
 
     @property
-    def field(self) -> tf.Tensor:
+    def values(self) -> tf.Tensor:
         """The field [H, W]."""
         return tf.linalg.matmul(self.down, self.across, transpose_b=True)
 
 
-def interpolate_grid(
-    lattice: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float | None = None
-) -> SeparableField:
-    """Interpolate a lattice [n, n] smoothly over a picture.
+def zero_field(size: ImageSize) -> SeparableField:
+    """Return a field of zeros, to add others to."""
+    return SeparableField(tf.zeros([size[0], 1]), tf.zeros([size[1], 1]))
 
-    `cells` defaults to as many as the lattice holds, n - 3, and is never more: a spline reaches one node
-    beyond each border.
+
+def interpolate_grid(
+    grid: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float | None = None
+) -> SeparableField:
+    """Interpolate a grid [n, n] smoothly over an image with cubic B-splines.
+
+    `cells` defaults to as many as the grid holds, n - 3, and is never more: a spline reaches one node beyond
+    each border.
     """
-    nodes = lattice.shape[-1]
+    nodes = grid.shape[-1]
     cells = nodes - 3 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 3)
     down, across = (_spline(offsets + 1) for offsets in _offsets(size, nodes, cells))
-    return SeparableField(down @ lattice, across)
+    return SeparableField(down @ grid, across)
+
+
+def _offsets(size: ImageSize, nodes: int, cells: tf.Tensor | float) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the offsets [H, nodes] and [W, nodes] of each pixel from each grid node, in cells."""
+    pixels = (tf.range(max(size), dtype=tf.float32) + 0.5) * (cells / max(size))
+    offsets = pixels[:, None] - tf.range(nodes, dtype=tf.float32)
+    return offsets[: size[0]], offsets[: size[1]]
+
+
+def _spline(offsets: tf.Tensor) -> tf.Tensor:
+    """Return the weights of the cubic B-spline: smooth, and without the grid's axes showing."""
+    distance = tf.abs(offsets)
+    far = tf.maximum(2 - distance, 0)
+    near = tf.maximum(1 - distance, 0)
+    return far * far * far * (1 / 6) - near * near * near * (4 / 6)
 
 
 def simple_noise(
     values: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float | None = None
 ) -> SeparableField:
-    """Simple (value) noise S: `values` [n, n] uniform in [0, 1), scaled to mean 0 and about [-1, 1].
+    """Return simple (value) noise S: `values` [n, n] uniform in [0, 1), scaled to mean 0 and about [-1, 1].
 
-    The spline averages neighbours, which halves the values' spread; hence the factor.
+    The spline averages neighbours, which halves the spread of the values; hence the factor.
     """
     return interpolate_grid(values * 4 - 2, size, cells=cells)
 
@@ -83,9 +89,10 @@ def simple_noise(
 def gradient_noise(
     gradients: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float | None = None
 ) -> SeparableField:
-    """Gradient (Perlin) noise G from `gradients` [2, n, n] in (-1, 1): about [-1, 1], zero at the nodes.
+    """Return gradient (Perlin) noise G, about [-1, 1] and zero at the nodes, from `gradients` [2, n, n].
 
-    Perlin's sum over the four corners of fade(x) fade(y) (g . d) is separable, hence the matrix products.
+    The gradients are in (-1, 1). Perlin's sum over the four corners of fade(x) fade(y) (g . d) is separable,
+    hence the matrix products.
     """
     nodes = gradients.shape[-1]
     cells = nodes - 1 if cells is None else tf.minimum(tf.cast(cells, tf.float32), nodes - 1)
@@ -96,12 +103,21 @@ def gradient_noise(
     return along_x + along_y
 
 
-VORONOI_CELLS = 8
-_SAMPLES = 4
+def _fade(x: tf.Tensor) -> tf.Tensor:
+    """Return Perlin's quintic 6x^5 - 15x^4 + 10x^3: 0 at 0, 1 at 1, flat to second order at both."""
+    return x * x * x * (x * (x * 6 - 15) + 10)
+
+
+def voronoi_noise(
+    jitter: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float = VORONOI_CELLS
+) -> SeparableField:
+    """Return Voronoi noise V: distance to the nearest feature point, mean about 0, range about [-1, 1]."""
+    span = tf.minimum(tf.cast(cells, tf.float32), VORONOI_CELLS) * _VORONOI_SAMPLES - 3
+    return interpolate_grid(voronoi_distance_grid(jitter) * 2 - 0.9, size, cells=span)
 
 
 def voronoi_distance_grid(jitter: tf.Tensor) -> tf.Tensor:
-    """Distance to the nearest of 8 x 8 jittered points, sampled 4 times a cell: [32, 32] in [0, 1.2].
+    """Return the distance to the nearest of 8 x 8 jittered points, 4 samples per cell: [32, 32] in [0, 1.2].
 
     `jitter` is uniform [2, 10, 10]: the points of one more cell on each side, so that borders are right.
     """
@@ -112,25 +128,18 @@ def voronoi_distance_grid(jitter: tf.Tensor) -> tf.Tensor:
         for c in range(3)
     ]
     points = tf.gather(tf.reshape(jitter, [2, -1]), np.stack(neighbours), axis=1)
-    within = (np.arange(_SAMPLES, dtype=np.float32) + 0.5) / _SAMPLES
+    within = (np.arange(_VORONOI_SAMPLES, dtype=np.float32) + 0.5) / _VORONOI_SAMPLES
     shift = np.arange(3, dtype=np.float32) - 1
     down = points[0][:, :, None, :, None] + (np.repeat(shift, 3)[:, None] - within)[:, None, :, None, None]
     across = points[1][:, :, None, :, None] + (np.tile(shift, 3)[:, None] - within)[:, None, None, None, :]
-    side = VORONOI_CELLS * _SAMPLES
+    side = VORONOI_CELLS * _VORONOI_SAMPLES
     return tf.reshape(tf.sqrt(tf.reduce_min(down * down + across * across, axis=0)), [side, side])
-
-
-def voronoi_noise(
-    jitter: tf.Tensor, size: ImageSize, *, cells: tf.Tensor | float = VORONOI_CELLS
-) -> SeparableField:
-    """Voronoi noise V: distance to the nearest feature point, mean about 0, range about [-1, 1]."""
-    span = tf.minimum(tf.cast(cells, tf.float32), VORONOI_CELLS) * _SAMPLES - 3
-    return interpolate_grid(voronoi_distance_grid(jitter) * 2 - 0.9, size, cells=span)
 
 
 def blend_noises(
     weights: tuple[tf.Tensor, tf.Tensor, tf.Tensor],
     fields: tuple[SeparableField, SeparableField, SeparableField],
 ) -> SeparableField:
-    """L = wG G + wV V + wS S (paper, section 3.1)."""
-    return fields[0] * weights[0] + fields[1] * weights[1] + fields[2] * weights[2]
+    """Return L = wG G + wV V + wS S (paper, section 3.1)."""
+    weighted: list[SeparableField] = [field * weight for field, weight in zip(fields, weights, strict=True)]
+    return weighted[0] + weighted[1] + weighted[2]

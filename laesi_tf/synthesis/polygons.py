@@ -1,18 +1,24 @@
-"""Closed polygons [..., n, 2] in TensorFlow: area, edges, subdivision, even resampling, outlines of strokes."""
+"""Closed polygons [..., n, 2] in TensorFlow: area, edges, subdivision, resampling, outlines of strokes."""
 
 import numpy as np
 import tensorflow as tf
 
 
 def signed_area(points: tf.Tensor) -> tf.Tensor:
-    """Signed area of closed polygons [..., n, 2] (shoelace): positive when clockwise on screen."""
+    """Return the signed area [...] of closed polygons [..., n, 2] (shoelace), positive if clockwise on
+    screen."""
     x, y = tf.unstack(points, axis=-1)
     next_x, next_y = tf.unstack(_next_points(points), axis=-1)
     return 0.5 * tf.reduce_sum(x * next_y - y * next_x, axis=-1)
 
 
+def polygon_edges(points: tf.Tensor) -> tf.Tensor:
+    """Return the directed edges [..., n, 2 ends, 2] of closed polygons [..., n, 2]."""
+    return tf.stack([points, _next_points(points)], axis=-2)
+
+
 def _next_points(points: tf.Tensor) -> tf.Tensor:
-    """The successor of each point of closed polygons [..., n, 2]; tf.roll is ten times slower."""
+    """Return the successor of each point of closed polygons [..., n, 2]; tf.roll is ten times slower."""
     return tf.concat([points[..., 1:, :], points[..., :1, :]], axis=-2)
 
 
@@ -33,47 +39,46 @@ def subdivide_edges(edges: tf.Tensor, pieces: int) -> tf.Tensor:
 
 
 def resample_polygon(points: tf.Tensor, count: int) -> tf.Tensor:
-    """`count` points [count, 2] at equal distances along the closed polygon `points` [n, 2]."""
-    travelled = cumulative_lengths(points)
-    return interpolate_at(points, travelled, find_segments(travelled, count))
+    """Return `count` points [count, 2] at equal distances along the closed polygon `points` [n, 2]."""
+    lengths = cumulative_lengths(points)
+    return interpolate_at(points, lengths, find_segments(lengths, count))
 
 
 def cumulative_lengths(points: tf.Tensor) -> tf.Tensor:
-    """Length [n + 1] of the way along the closed polygon `points` [n, 2] to each of them and to the first."""
+    """Return the length [n + 1] along the closed polygon `points` [n, 2] to each point and to its end."""
     steps = tf.norm(_next_points(points) - points, axis=-1)
     return tf.concat([[0.0], tf.cumsum(steps)], axis=0)
 
 
-def find_segments(travelled: tf.Tensor, count: int) -> tf.Tensor:
-    """Which point [count] of a polygon with `lengths` `travelled` each of `count` evenly spaced ones follows.
+def find_segments(lengths: tf.Tensor, count: int) -> tf.Tensor:
+    """Return the edges, int32 [count], on which `count` evenly spaced points of a closed polygon lie.
 
-    Apart from `spaced`, because compiled it would compare every point with every other.
+    `lengths` are the polygon's `cumulative_lengths`. Apart from `interpolate_at`, since XLA would compare
+    every point with every other.
     """
-    found = tf.searchsorted(travelled, _even_positions(travelled, count), side="right")
-    return tf.minimum(found, tf.shape(travelled)[0] - 1) - 1
+    found = tf.searchsorted(lengths, _even_positions(lengths, count), side="right")
+    return tf.minimum(found, tf.shape(lengths)[0] - 1) - 1
 
 
-def interpolate_at(points: tf.Tensor, travelled: tf.Tensor, before: tf.Tensor) -> tf.Tensor:
-    """The evenly spaced points [count, 2] of the closed polygon `points`, each after its point `before`."""
-    ring = tf.concat([points, points[:1]], axis=0)
-    wanted = _even_positions(travelled, before.shape[0])
-    begun, step = tf.gather(travelled, before), tf.gather(travelled[1:] - travelled[:-1], before)
+def interpolate_at(points: tf.Tensor, lengths: tf.Tensor, segments: tf.Tensor) -> tf.Tensor:
+    """Return the evenly spaced points [count, 2] of the closed polygon `points` [n, 2].
+
+    `lengths` [n + 1] are its `cumulative_lengths`, `segments` [count] come from `find_segments`.
+    """
+    closed = tf.concat([points, points[:1]], axis=0)
+    wanted = _even_positions(lengths, segments.shape[0])
+    begun, step = tf.gather(lengths, segments), tf.gather(lengths[1:] - lengths[:-1], segments)
     fraction = tf.math.divide_no_nan(wanted - begun, step)
-    start = tf.gather(ring, before)
-    return start + fraction[:, None] * (tf.gather(ring, before + 1) - start)
+    start = tf.gather(closed, segments)
+    return start + fraction[:, None] * (tf.gather(closed, segments + 1) - start)
 
 
-def _even_positions(travelled: tf.Tensor, count: int) -> tf.Tensor:
-    return tf.range(count, dtype=tf.float32) * (travelled[-1] / count)
-
-
-def polygon_edges(points: tf.Tensor) -> tf.Tensor:
-    """Directed edges [..., n, 2 ends, 2] of closed polygons [..., n, 2]."""
-    return tf.stack([points, _next_points(points)], axis=-2)
+def _even_positions(lengths: tf.Tensor, count: int) -> tf.Tensor:
+    return tf.range(count, dtype=tf.float32) * (lengths[-1] / count)
 
 
 def stroke_outlines(paths: tf.Tensor, widths: tf.Tensor) -> tf.Tensor:
-    """Outlines [..., 2n, 2] of strokes along `paths` [..., n, 2] that are `widths` [..., n] wide."""
+    """Return the outlines [..., 2n, 2] of strokes of `widths` [..., n] along `paths` [..., n, 2]."""
     step = paths[..., 1:, :] - paths[..., :-1, :]
     step = tf.concat([step, step[..., -1:, :]], axis=-2)
     normal = tf.stack([-step[..., 1], step[..., 0]], axis=-1)

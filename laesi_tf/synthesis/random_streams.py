@@ -1,4 +1,4 @@
-"""Counter-based random numbers: (seed, index, stream) names one sequence."""
+"""Counter-based random numbers: (seed, index, stream) names one sequence, whatever the order of drawing."""
 
 import enum
 from typing import Any
@@ -7,7 +7,7 @@ import tensorflow as tf
 
 
 class Stream(enum.IntEnum):
-    """What a stream is drawn for; the numbers are part of every picture, so they are never reused."""
+    """What a sequence is drawn for. The numbers are part of every image, so they are never reused."""
 
     SCENE = 0
     LIGHT = 1
@@ -31,29 +31,30 @@ class Stream(enum.IntEnum):
 
 _PHILOX = tf.random.Algorithm.PHILOX.value
 _MAX_STREAMS = 64
-"""Room for purposes to come: adding one leaves every other stream as it was."""
+"""Streams per seed: a new stream leaves all others as they were."""
 
 
 class RandomStreams:
-    """The picture (seed, index): hands out independent streams by purpose.
+    """The independent random streams of image (seed, index).
 
-    Philox is a bijection of (key, counter), so neighbouring keys are as independent as any other pair.
+    Philox is a bijection of (key, counter), so neighbouring seeds are as independent as any other pair.
     """
 
     def __init__(self, seed: tf.Tensor | int, index: tf.Tensor | int) -> None:
-        self.seed = tf.cast(seed, tf.int64)
-        self.index = tf.cast(index, tf.int64)
+        self._seed = tf.cast(seed, tf.int64)
+        self._index = tf.cast(index, tf.int64)
 
-    def _stream(self, shape: list[int], purpose: Stream) -> dict[str, Any]:
-        """Arguments of the generator's bare ops: tf.random's functions wrap them in twenty more."""
-        state = tf.stack([self.seed * _MAX_STREAMS + int(purpose), self.index])
+    def uniform(self, shape: list[int], stream: Stream) -> tf.Tensor:
+        """Return uniform float32 numbers of `shape` in [0, 1)."""
+        return tf.raw_ops.StatelessRandomUniformV2(**self._generator_arguments(shape, stream))
+
+    def normal(self, shape: list[int], stream: Stream) -> tf.Tensor:
+        """Return standard normal float32 numbers of `shape`."""
+        return tf.raw_ops.StatelessRandomNormalV2(**self._generator_arguments(shape, stream))
+
+    def _generator_arguments(self, shape: list[int], stream: Stream) -> dict[str, Any]:
+        """Return the arguments of the generator's raw ops; tf.random's functions wrap them in twenty more
+        ops."""
+        state = tf.stack([self._seed * _MAX_STREAMS + int(stream), self._index])
         key, counter = tf.raw_ops.StatelessRandomGetKeyCounter(seed=state)
         return {"shape": shape, "key": key, "counter": counter, "alg": _PHILOX}
-
-    def uniform(self, shape: list[int], purpose: Stream) -> tf.Tensor:
-        """Uniform [0, 1) float32 numbers of `shape`."""
-        return tf.raw_ops.StatelessRandomUniformV2(**self._stream(shape, purpose))
-
-    def normal(self, shape: list[int], purpose: Stream) -> tf.Tensor:
-        """Standard normal float32 numbers of `shape`."""
-        return tf.raw_ops.StatelessRandomNormalV2(**self._stream(shape, purpose))

@@ -1,23 +1,22 @@
-"""Numbers and the ranges they are drawn from: one tree of dataclasses read in two ways.
+"""Parameters of a scene and the ranges from which they are sampled.
 
-Each room of the scene (paper, leaf, light, ...) declares its numbers once, as a frozen dataclass whose
-defaults are the ranges of preset `rendering_2`. Drawing from such a tree gives the same tree with a scalar
-tensor in place of each range. A range is one of
+Each part of a scene (paper, leaf, light, ...) declares its parameters once, as a frozen dataclass that is
+generic over what its fields hold. `PaperParams[Range]` holds ranges, its defaults are preset `rendering_2`;
+`sample_params` makes of it a `PaperParams[Scalar]`, which holds one number per field. A range is one of
 
 - `(low, high)`: uniform between the two;
-- `Chance(p)`: True with probability p;
+- `Probability(p)`: True with probability p;
 - a plain number: always that number.
+
+Fields are append-only: field i is sampled from number i of its part's random stream, so a new field at the
+end leaves the others as they were.
 """
 
 import dataclasses
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 import tensorflow as tf
-
-# A range in Ranges, a scalar tensor in a Scene: no static type says both.
-Number = Any
-Params = TypeVar("Params")
 
 
 class Probability(NamedTuple):
@@ -26,62 +25,99 @@ class Probability(NamedTuple):
     p: float
 
 
-def fields_of(room: Any) -> dict[str, Any]:
-    """The fields of `room` as a dict, in order of declaration."""
-    return {field.name: getattr(room, field.name) for field in dataclasses.fields(room)}
+Range: TypeAlias = float | tuple[float, float] | Probability
+"""What a field holds before sampling."""
+
+
+class Scalar(Protocol):
+    """What a field holds after sampling: a scalar tensor, bool for a Probability, float32 otherwise."""
+
+    def __add__(self, other: Any, /) -> Any: ...
+    def __radd__(self, other: Any, /) -> Any: ...
+    def __sub__(self, other: Any, /) -> Any: ...
+    def __rsub__(self, other: Any, /) -> Any: ...
+    def __mul__(self, other: Any, /) -> Any: ...
+    def __rmul__(self, other: Any, /) -> Any: ...
+    def __truediv__(self, other: Any, /) -> Any: ...
+    def __rtruediv__(self, other: Any, /) -> Any: ...
+    def __pow__(self, other: Any, /) -> Any: ...
+    def __neg__(self) -> Any: ...
+    def __gt__(self, other: Any, /) -> Any: ...
+    def __and__(self, other: Any, /) -> Any: ...
+    def __or__(self, other: Any, /) -> Any: ...
+    def __invert__(self) -> Any: ...
+
+
+Value = TypeVar("Value")
+"""What the fields of a parameter class hold: `Range` or `Scalar`."""
+
+
+def interval(low: float, high: float) -> Any:
+    """Default of a field that is uniform between `low` and `high`. (Any: no static type is both Range and
+    Value.)"""
+    return low, high
+
+
+def probability(p: float) -> Any:
+    """Default of a field that is True with probability `p`."""
+    return Probability(p)
+
+
+def constant(value: float) -> Any:
+    """Default of a field that is always `value`."""
+    return value
 
 
 def late(default: Any) -> Any:
-    """A field, behind all others, that a room gained when pictures had been made of it.
-
-    A number of its own would move those of every field that is drawn after it, and so change every picture.
-    It is drawn with the low bits of another field's number instead: the first late one with the first's.
-    """
+    """Default of a field that takes the low bits of another field's number."""
     return dataclasses.field(default=default, metadata={"late": True})
 
 
-def field_count(room: Any) -> int:
-    """How many uniform numbers `draw` and `draw_one_of` take for `room`: one for each field but late ones."""
-    return len(dataclasses.fields(room)) - _lates(room)
+def fields_of(params: Any) -> dict[str, Any]:
+    """Return the fields of a parameter dataclass as a dict, in order of declaration."""
+    return {field.name: getattr(params, field.name) for field in dataclasses.fields(params)}
 
 
-def _lates(room: Any) -> int:
-    return sum(field.metadata.get("late", False) for field in dataclasses.fields(room))
+def field_count(params: Any) -> int:
+    """Return how many uniform numbers `sample_params` takes for `params`."""
+    return len(dataclasses.fields(params)) - _late_count(params)
 
 
-def sample_params(room: Params, uniform: tf.Tensor) -> Params:
-    """Draw each number of `room` from its range with `uniform` [count(room)] in [0, 1)."""
-    return sample_params_of_kind([room], tf.constant(0), uniform)
+def _late_count(params: Any) -> int:
+    return sum(field.metadata.get("late", False) for field in dataclasses.fields(params))
 
 
-def sample_params_of_kind(rooms: list[Params], which: tf.Tensor, uniform: tf.Tensor) -> Params:
-    """Draw the numbers of `rooms[which]`: float32 scalars, or bool scalars where the range is a Chance."""
+def sample_params(ranges: Any, uniform: tf.Tensor) -> Any:
+    """Sample every field of `ranges` from its range.
+
+    `uniform` [field_count(ranges)] holds numbers in [0, 1). Returns the same dataclass with a scalar tensor
+    in each field: bool for a Probability, float32 otherwise.
+    """
+    return sample_params_of_kind([ranges], tf.constant(0), uniform)
+
+
+def sample_params_of_kind(kinds: list[Any], kind: tf.Tensor, uniform: tf.Tensor) -> Any:
+    """Sample every field of `kinds[kind]`, as `sample_params` does; all kinds are of one class."""
     bounds = np.array(
-        [[_interval(value) for value in fields_of(room).values()] for room in rooms], np.float32
+        [[_interval(value) for value in fields_of(ranges).values()] for ranges in kinds], np.float32
     )
-    low, high = tf.unstack(tf.gather(tf.constant(bounds), which), axis=-1)
-    if lates := _lates(rooms[0]):
+    low, high = tf.unstack(tf.gather(tf.constant(bounds), kind), axis=-1)
+    if lates := _late_count(kinds[0]):
         uniform = tf.concat([uniform, _low_bits(uniform[:lates])], axis=0)
     values = tf.unstack(low + uniform * (high - low))
-    drawn = {
-        name: value >= 0 if isinstance(spec, Probability) else value
-        for (name, spec), value in zip(fields_of(rooms[0]).items(), values, strict=True)
+    sampled = {
+        name: value >= 0 if isinstance(range_, Probability) else value
+        for (name, range_), value in zip(fields_of(kinds[0]).items(), values, strict=True)
     }
-    return dataclasses.replace(rooms[0], **drawn)  # type: ignore[type-var]
+    return dataclasses.replace(kinds[0], **sampled)
+
+
+def _interval(range_: Range) -> tuple[float, float]:
+    """Return (low, high); a Probability p becomes an interval that is not below zero with probability p."""
+    if isinstance(range_, Probability):
+        return range_.p - 1, range_.p
+    return range_ if isinstance(range_, tuple) else (range_, range_)
 
 
 def _low_bits(uniform: tf.Tensor) -> tf.Tensor:
-    """Numbers in [0, 1) from the last 12 of the 23 bits that make `uniform`.
-
-    They say nothing of the bits before them, which decide what the numbers themselves are used for.
-    """
     return tf.math.floormod(uniform * 2**11, 1.0)
-
-
-def _interval(spec: Any) -> tuple[float, float]:
-    """(low, high) of a range; a Chance p becomes an interval not below zero with probability p."""
-    if isinstance(spec, Probability):
-        return spec.p - 1, spec.p
-    if isinstance(spec, tuple):
-        return spec
-    return spec, spec

@@ -25,24 +25,24 @@ from typing import Any
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.synthesis.leaf.veins import MAX_SECONDARY_VEINS
-from laesi_tf.synthesis.presets import PART_NAMES, PRESETS, RENDERING_2
+from laesi_tf.synthesis.presets import PRESETS, RENDERING_2
 from laesi_tf.synthesis.ranges import Probability, fields_of
-from laesi_tf.synthesis.scene import COMPONENTS, Ranges
+from laesi_tf.synthesis.scene import COMPONENTS, PARTS, Ranges
 
 
 def ranges_to_toml(ranges: Ranges) -> str:
-    """All of `ranges` as TOML text to edit; `load_ranges` reads it back as the same ranges."""
+    """Return all of `ranges` as TOML text to edit; `load_ranges` reads it back as the same ranges."""
     return "\n".join(_toml_lines(ranges)) + "\n"
 
 
 def _toml_lines(ranges: Ranges) -> Iterator[str]:
     yield "# [low, high] is uniform between the two, {chance = p} true with probability p,"
-    yield "# a single number always that number. What is left out is as in `base`."
+    yield "# a single number always that number. Omitted keys are as in `base`."
     yield 'base = "rendering_2"'
     yield f"lighting_passes = {ranges.lighting_passes}"
     left_out = [f'"{name}"' for name in COMPONENTS if name in ranges.without]
     yield f"without = [{', '.join(left_out)}]"
-    for name in PART_NAMES:
+    for name in PARTS:
         yield from _toml_table(name, fields_of(getattr(ranges, name)))
     for kind, (weight, leaf) in ranges.leaf.items():
         yield from _toml_table(f"leaf.{kind}", {"weight": weight, **fields_of(leaf)})
@@ -63,14 +63,13 @@ def _toml_value(value: Any) -> str:
 
 
 _RENDERABLE = {"closest_mm": (40.0, math.inf), "veins": (0.0, float(MAX_SECONDARY_VEINS))}
-"""What the renderer is laid out for: polygons have so many edges, and a leaf so many veins."""
-_ROOMS = ("paper", "surface", "light", "props", "camera", "desk")
+"""What the renderer can draw: its polygons have a fixed number of edges, its leaves of veins."""
 
 
 def load_ranges(source: str | Path | Ranges | Mapping[str, Any]) -> Ranges:
-    """Ranges by preset name, from a TOML file or from what such a file holds; Ranges pass through.
+    """Return ranges by preset name, from a TOML file or from its content as a mapping; Ranges pass through.
 
-    Raises InputError, naming the key.
+    Raises InputError that names the file and the key.
     """
     if isinstance(source, Ranges):
         return source
@@ -97,10 +96,10 @@ def _apply_table(table: dict[str, Any], path: Path) -> Ranges:
     start = PRESETS[base]
     changes: dict[str, Any] = {}
     for key, value in table.items():
-        _require_known(key, (*_ROOMS, "leaf", "lighting_passes", "without"), f"{path}:")
+        _require_known(key, (*PARTS, "leaf", "lighting_passes", "without"), f"{path}:")
         if key == "leaf":
             changes[key] = _parse_kinds(start.leaf, _require_table(value, f"{path}: [leaf]"), path)
-        elif key in _ROOMS:
+        elif key in PARTS:
             changes[key] = _parse_params(
                 getattr(start, key), _require_table(value, f"{path}: [{key}]"), f"{path}: [{key}]"
             )
@@ -148,7 +147,7 @@ def _parse_params(start: Any, table: dict[str, Any], where: str) -> Any:
 
 
 def _parse_range(value: Any, start: Any, where: str) -> Any:
-    """Read one range; a Chance stays a Chance and a length a length."""
+    """Parse one range: a probability where `start` is one, otherwise a number or an interval."""
     if isinstance(start, Probability):
         chance = value.get("chance") if isinstance(value, dict) else None
         if not isinstance(chance, int | float) or not 0 <= chance <= 1:

@@ -1,137 +1,219 @@
-"""The compositing order of a synthetic image, from top to bottom."""
+"""The compositing order of a synthetic image, from top to bottom.
+
+This module holds no arithmetic. Each `kernels.x` is the XLA-compiled form of the plain function `x` of the
+module that `kernels` names; each stage takes the components that it can draw and skips those that the ranges
+leave out.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import tensorflow as tf
 
-from laesi_tf.synthesis import kernels, light, rasterizer
+from laesi_tf.synthesis import kernels, polygons, rasterizer
 from laesi_tf.synthesis.camera import imaging
+from laesi_tf.synthesis.camera.view import tilt_deg
 from laesi_tf.synthesis.geometry import ImageSize
-from laesi_tf.synthesis.kernels import Components
-from laesi_tf.synthesis.leaf import surface, veins
-from laesi_tf.synthesis.paper import desk
-from laesi_tf.synthesis.paper.sheet import sample_sheet_noise_grids
-from laesi_tf.synthesis.props import drawing, placement
-from laesi_tf.synthesis.random_streams import Stream
-from laesi_tf.synthesis.scene import COMPONENTS, Ranges, Scene
-from laesi_tf.synthesis.scene_layout import SceneLayout, compute_layout, leaf_edge_contributions
+from laesi_tf.synthesis.leaf import holes, outline, surface, veins
+from laesi_tf.synthesis.leaf.painting import LeafInputs
+from laesi_tf.synthesis.light import sample_illumination_grid
+from laesi_tf.synthesis.paper import desk, sheet
+from laesi_tf.synthesis.props.drawing import composite_prop, round_up_side
+from laesi_tf.synthesis.props.placement import PropContext
+from laesi_tf.synthesis.props.registry import PROPS, sample_prop_numbers
+from laesi_tf.synthesis.scene import Ranges, Scene
+from laesi_tf.synthesis.scene_layout import SceneLayout
+
+_SHEET = ("paper_noise", "crease", "ruling", "desk")
+_LEAF = ("surface", "browned_margin", "spots", "veins", "undulation", "relief")
+_LIGHT = ("illumination", "glass", "development")
 
 
 class SharedLayers(NamedTuple):
-    """What lighting passes over one leaf have in common: where everything is, sheet and desk with what lies
-    on them [3, H, W], and what the leaf is made of."""
+    """What lighting passes over one leaf share.
 
-    place: SceneLayout
-    sheet: tf.Tensor
-    blade: kernels.LeafInputs
+    The layout, the `background` [3, H, W] of sheet, desk and props, and what the leaf is painted from.
+    """
+
+    layout: SceneLayout
+    background: tf.Tensor
+    leaf: LeafInputs
 
 
 def render_scene(
     scene: Scene, size: ImageSize, ranges: Ranges, *, textures: tf.Tensor | None = None
 ) -> dict[str, tf.Tensor]:
-    """Turn the numbers of a scene into a picture of `size` (height, width).
+    """Render a scene as an image of `size` (height, width) in pixels.
 
-    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's
-    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3], sheet mm to pixels, and `kind` int32 [],
-    which of the ranges' kinds of leaves it is.
+    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's centroid)
+    and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), and `kind` int32
+    [], the position of the leaf's kind in the ranges.
     """
-    parts = _enabled_components(ranges)
-    laid = _prepare_layers(scene, size, parts, textures)
+    components = ranges.enabled_components()
+    layers = _prepare_layers(scene, size, components, textures)
+    # Shadow, then leaf: colour, browned edge, spots, veins, relief.
     image, mask = kernels.composite_leaf(
-        laid.sheet, laid.blade, scene.surface, scene.light, laid.place.view.px_per_mm, parts
+        layers.background,
+        layers.leaf,
+        scene.surface,
+        scene.light,
+        layers.layout.view.px_per_mm,
+        _among(components, "shadow", *_LEAF),
     )
-    return _finish_sample(image, mask, scene, laid.place, parts)
+    return _finish_sample(image, mask, scene, layers.layout, components)
 
 
 def render_lighting_passes(
-    passes: Sequence[Scene], size: ImageSize, ranges: Ranges, *, textures: tf.Tensor | None = None
+    scenes: Sequence[Scene], size: ImageSize, ranges: Ranges, *, textures: tf.Tensor | None = None
 ) -> list[dict[str, tf.Tensor]]:
-    """The pictures, each as `render` makes it, of scenes that differ in their light alone."""
-    parts = _enabled_components(ranges)
-    laid = _prepare_layers(passes[0], size, parts, textures)
-    px_per_mm = laid.place.view.px_per_mm
-    leaf, mask = kernels.paint_leaf(laid.blade, passes[0].surface, px_per_mm, size, parts)
-    return [
-        _finish_sample(
-            kernels.shade_leaf(laid.sheet, leaf, scene.light, px_per_mm, parts),
-            mask,
-            scene,
-            laid.place,
-            parts,
+    """Render scenes that differ in their light only; returns one sample per scene, as `render_scene` does."""
+    components = ranges.enabled_components()
+    first = scenes[0]
+    layers = _prepare_layers(first, size, components, textures)
+    px_per_mm = layers.layout.view.px_per_mm
+    leaf, mask = kernels.paint_leaf(layers.leaf, first.surface, px_per_mm, size, _among(components, *_LEAF))
+    samples = []
+    for scene in scenes:
+        image = kernels.shade_leaf(
+            layers.background, leaf, scene.light, px_per_mm, _among(components, "shadow")
         )
-        for scene in passes
-    ]
+        samples.append(_finish_sample(image, mask, scene, layers.layout, components))
+    return samples
 
 
-def _enabled_components(ranges: Ranges) -> Components:
-    return tuple(name for name in COMPONENTS if ranges.has(name))
+def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:
+    """Place the leaf on the sheet and point the camera at it."""
+    points, lengths = kernels.trace_outline(scene.leaf, outline.sample_outline_numbers(scene.streams))
+    segments = polygons.find_segments(lengths, outline.OUTLINE_POINTS)
+    return kernels.compute_layout(
+        scene.leaf,
+        scene.camera,
+        outline.OutlineCurve(points, lengths, segments),
+        holes.sample_hole_numbers(scene.streams),
+        # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
+        tf.constant(size, tf.float32),
+    )
 
 
 def _prepare_layers(
-    scene: Scene, size: ImageSize, parts: Components, textures: tf.Tensor | None
+    scene: Scene, size: ImageSize, components: tuple[str, ...], textures: tf.Tensor | None
 ) -> SharedLayers:
-    key, place = scene.key, compute_layout(scene, size)
-    view = place.view
-    extent = tf.stack([tf.reduce_min(place.outline, axis=0), tf.reduce_max(place.outline, axis=0)])
-    where = kernels.compute_ruling_cells(scene.paper, view.to_px, size) if "ruling" in parts else None
-    sheet = kernels.paint_sheet_and_desk(
+    """Lay out the scene, paint sheet, desk and props, and sum up the edges of the leaf."""
+    layout = compute_layout(scene, size)
+    background = _paint_sheet(scene, layout, size, components)
+    background = draw_props(background, scene, layout, size, components)
+    return SharedLayers(layout, background, _prepare_leaf(scene, layout, size, components, textures))
+
+
+def _paint_sheet(
+    scene: Scene, layout: SceneLayout, size: ImageSize, components: tuple[str, ...]
+) -> tf.Tensor:
+    """Sheet noise, crease, ruling, then the desk around the sheet: [3, H, W]."""
+    cells = None
+    if "ruling" in components:
+        cells = kernels.compute_ruling_cells(scene.paper, layout.view.to_px, size)
+    return kernels.paint_sheet_and_desk(
         scene.paper,
-        sample_sheet_noise_grids(key),
+        sheet.sample_sheet_noise_grids(scene.streams),
         scene.desk,
-        desk.sample_desk_noise_grid(key),
-        extent,
-        view,
-        where,
+        desk.sample_desk_noise_grid(scene.streams),
+        layout.leaf_box,
+        layout.view,
+        cells,
         size,
-        parts,
+        _among(components, *_SHEET),
     )
-    stage = placement.PropContext(leaf=place.outline, view=view, size=size)
-    sheet = drawing.draw_props(
-        sheet, scene.props, stage, key, [name for name in drawing.PROPS if name in parts]
+
+
+def draw_props(
+    image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize, components: tuple[str, ...]
+) -> tf.Tensor:
+    """Draw the props that the scene has over [3, H, W], from flat to high."""
+    context = PropContext(layout.outline, layout.view.to_px, tf.constant(size[::-1], tf.float32))
+    numbers = sample_prop_numbers(scene.streams)
+    side = round_up_side(size)
+
+    def draw(name: str, row: int, image: tf.Tensor) -> tf.Tensor:
+        raster = kernels.rasterise_prop(name, scene.props, context, numbers[row], side)
+        return composite_prop(image, raster, size)
+
+    for row, name in enumerate(PROPS):
+        if name in components:
+            image = tf.cond(
+                getattr(scene.props, name),
+                lambda image=image, name=name, row=row: draw(name, row, image),
+                lambda image=image: image,
+            )
+    return image
+
+
+def _prepare_leaf(
+    scene: Scene,
+    layout: SceneLayout,
+    size: ImageSize,
+    components: tuple[str, ...],
+    textures: tf.Tensor | None,
+) -> LeafInputs:
+    outline_edges, vein_edges = kernels.leaf_contributions(
+        layout,
+        scene.leaf,
+        scene.surface,
+        veins.sample_turtle_noise(scene.streams),
+        size,
+        _among(components, "veins"),
     )
-    left = leaf_edge_contributions(
-        place, scene.leaf, scene.surface, veins.sample_turtle_noise(key), size, parts
-    )
-    texture = None if textures is None else surface.sample_leaf_texture(textures, key, size)
-    heights = [rasterizer.sum_contributions(deposits, size) for deposits in left]
-    return SharedLayers(
-        place, sheet, kernels.LeafInputs(heights, surface.sample_surface_noise_grids(key), texture)
+    return LeafInputs(
+        outline_sums=rasterizer.sum_contributions(outline_edges, size),
+        vein_sums=None if vein_edges is None else rasterizer.sum_contributions(vein_edges, size),
+        grids=surface.sample_surface_noise_grids(scene.streams),
+        texture=None if textures is None else surface.sample_leaf_texture(textures, scene.streams, size),
     )
 
 
 def _finish_sample(
-    image: tf.Tensor, mask: tf.Tensor, scene: Scene, place: SceneLayout, parts: Components
+    image: tf.Tensor, mask: tf.Tensor, scene: Scene, layout: SceneLayout, components: tuple[str, ...]
 ) -> dict[str, tf.Tensor]:
-    """What `render` returns, of what there is to be seen [3, H, W] and the leaf's mask."""
-    light_numbers = light.sample_illumination_grid(scene.light_key)
-    exposed = kernels.apply_light_and_tone(
-        image, scene.light, light_numbers, scene.camera, scene.paper, parts
+    """Illumination, glass, white balance and tone, then the camera; returns what `render_scene` returns."""
+    image = kernels.apply_light_and_tone(
+        image,
+        scene.light,
+        sample_illumination_grid(scene.light_streams),
+        scene.camera,
+        scene.paper,
+        _among(components, *_LIGHT),
     )
     return {
-        "image": _simulate_sensor(exposed, scene, place, parts),
+        "image": _record(image, scene, layout.view.px_per_mm, components),
         "mask": mask,
-        "area_cm2": place.area_cm2,
-        "px_per_mm": place.view.px_per_mm,
-        "tilt_deg": scene.camera.tilt_deg * tf.cast(scene.camera.tilted, tf.float32),
-        "to_px": place.view.to_px,
+        "area_cm2": layout.area_cm2,
+        "px_per_mm": layout.view.px_per_mm,
+        "tilt_deg": tilt_deg(scene.camera),
+        "to_px": layout.view.to_px,
         "kind": scene.kind,
     }
 
 
-def _simulate_sensor(image: tf.Tensor, scene: Scene, place: SceneLayout, parts: Components) -> tf.Tensor:
-    """What lens, sensor and file make of the exposed image [3, H, W]: bytes [H, W, 3]."""
-    held, grain = scene.camera, None
-    if "focus" in parts:
-        image = imaging.apply_focus_blur(image, held, place.view.px_per_mm)
-    if "sensor_noise" in parts:
-        cut = scene.light_key.uniform([2], Stream.SENSOR)
-        grain = imaging.cut_sensor_noise(cut, (image.shape[1], image.shape[2]))
+def _record(image: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor, components: tuple[str, ...]) -> tf.Tensor:
+    """Focus blur, sensor noise, chroma at half the resolution, 8 bits: uint8 [H, W, 3]."""
+    camera, exposed, noise = scene.camera, image, None
+    if "focus" in components:
+        image = tf.cond(
+            camera.blurred, lambda: kernels.apply_focus_blur(exposed, camera, px_per_mm), lambda: exposed
+        )
+    if "sensor_noise" in components:
+        noise = imaging.cut_sensor_noise(scene.light_streams, (image.shape[1], image.shape[2]))
 
-    def crisp() -> tf.Tensor:
-        return kernels.record_crisp(image, held, grain)
+    def record_compressed() -> tf.Tensor:
+        return kernels.record_with_chroma(*kernels.subsample_chroma(image, camera, noise))
 
-    def compressed() -> tf.Tensor:
-        return kernels.restore_and_quantise(*kernels.record_with_chroma(image, held, grain))
+    def record() -> tf.Tensor:
+        return kernels.record(image, camera, noise)
 
-    return tf.cond(held.compressed, compressed, crisp) if "chroma_softness" in parts else crisp()
+    return (
+        tf.cond(camera.compressed, record_compressed, record) if "chroma_softness" in components else record()
+    )
+
+
+def _among(components: tuple[str, ...], *stage: str) -> tuple[str, ...]:
+    """Return those of a stage's components that are enabled: other components do not make it compile anew."""
+    return tuple(name for name in stage if name in components)

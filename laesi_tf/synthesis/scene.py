@@ -1,4 +1,4 @@
-"""The sampled parameters of one synthetic image, and the ranges they are sampled from."""
+"""The sampled parameters of one synthetic image, and the ranges from which they are sampled."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -6,23 +6,29 @@ from collections.abc import Mapping
 import tensorflow as tf
 
 from laesi_tf.synthesis.camera.params import CameraParams
-from laesi_tf.synthesis.leaf import params
-from laesi_tf.synthesis.leaf.params import LeafParams
+from laesi_tf.synthesis.leaf.params import LEAF_KINDS, LeafParams
 from laesi_tf.synthesis.leaf.surface import SurfaceParams
 from laesi_tf.synthesis.light import LightParams
 from laesi_tf.synthesis.paper.desk import DeskParams
 from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.props import drawing
 from laesi_tf.synthesis.props.params import PropsParams
+from laesi_tf.synthesis.props.registry import PROPS
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
-from laesi_tf.synthesis.ranges import Probability, field_count, sample_params, sample_params_of_kind
+from laesi_tf.synthesis.ranges import (
+    Probability,
+    Range,
+    Scalar,
+    field_count,
+    sample_params,
+    sample_params_of_kind,
+)
 
 COMPONENTS = (
     "ruling",
     "paper_noise",
     "crease",
     "desk",
-    *drawing.PROPS,
+    *PROPS,
     "shadow",
     "surface",
     "browned_margin",
@@ -37,94 +43,107 @@ COMPONENTS = (
     "sensor_noise",
     "chroma_softness",
 )
-"""What a picture is made of beside leaf and sheet, in order; each can be left out by name."""
+"""What an image consists of beside leaf and sheet, in compositing order; each can be left out by name."""
+
+
+PARTS = ("paper", "surface", "light", "props", "camera", "desk")
+"""Fields of Ranges that hold one parameter class each; the leaf has one for each kind."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Ranges:
-    """Where the numbers of a scene come from. The defaults are preset `rendering_2`."""
+    """The ranges from which scenes are sampled. The defaults are preset `rendering_2`."""
 
-    paper: PaperParams = PaperParams()
-    leaf: Mapping[str, tuple[float, LeafParams]] = dataclasses.field(
-        default_factory=lambda: params.LEAF_KINDS
+    paper: PaperParams[Range] = PaperParams()
+    leaf: Mapping[str, tuple[float, LeafParams[Range]]] = dataclasses.field(
+        default_factory=lambda: LEAF_KINDS
     )
-    surface: SurfaceParams = SurfaceParams()
-    light: LightParams = LightParams()
-    props: PropsParams = PropsParams()
-    camera: CameraParams = CameraParams()
-    desk: DeskParams = DeskParams()
+    """Kinds of leaf by name, each with its relative frequency."""
+    surface: SurfaceParams[Range] = SurfaceParams()
+    light: LightParams[Range] = LightParams()
+    props: PropsParams[Range] = PropsParams()
+    camera: CameraParams[Range] = CameraParams()
+    desk: DeskParams[Range] = DeskParams()
     lighting_passes: int = 4
-    """Consecutive pictures that show the same leaf and scene under other light (paper, "Rendering")."""
+    """Consecutive images that show the same leaf and scene under other light (paper, "Rendering")."""
     without: frozenset[str] = frozenset()
-    """Components that are left out of every picture, names from COMPONENTS."""
+    """Components that are left out of every image, names from COMPONENTS."""
 
     def has(self, component: str) -> bool:
-        """Whether pictures may contain `component`."""
-        never = getattr(self.props, component, None) == Probability(0.0)
-        return component not in self.without and not never
+        """Return whether images may contain `component`."""
+        is_never_present = getattr(self.props, component, None) == Probability(0.0)
+        return component not in self.without and not is_never_present
+
+    def enabled_components(self) -> tuple[str, ...]:
+        """Return the components that images may contain, in compositing order."""
+        return tuple(name for name in COMPONENTS if self.has(name))
 
     def with_passes(self, passes: int) -> "Ranges":
-        """The same ranges with another number of lighting passes over one leaf."""
+        """Return the same ranges with another number of lighting passes per leaf."""
         return dataclasses.replace(self, lighting_passes=passes)
 
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """The numbers of one picture: scalar tensors, and the keys of its random fields.
+    """The sampled parameters of one image, and the random streams of its noise fields.
 
-    `kind` counts the kinds of leaves in the ranges' order.
+    `kind` int32 [] is the leaf's kind, its position in `Ranges.leaf`.
     """
 
     kind: tf.Tensor
-    paper: PaperParams
-    leaf: LeafParams
-    surface: SurfaceParams
-    light: LightParams
-    props: PropsParams
-    camera: CameraParams
-    desk: DeskParams
-    key: RandomStreams
-    light_key: RandomStreams
+    paper: PaperParams[Scalar]
+    leaf: LeafParams[Scalar]
+    surface: SurfaceParams[Scalar]
+    light: LightParams[Scalar]
+    props: PropsParams[Scalar]
+    camera: CameraParams[Scalar]
+    desk: DeskParams[Scalar]
+    streams: RandomStreams
+    light_streams: RandomStreams
+    """Those of the light, sensor and file: lighting passes over one leaf differ in them."""
 
 
 def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) -> Scene:
-    """Draw the scene of picture (`seed`, `index`), each an integer scalar below 2^58."""
+    """Sample the scene of image (`seed`, `index`), integer scalars below 2^58."""
     index = tf.cast(index, tf.int64)
-    key = RandomStreams(seed, index // ranges.lighting_passes)
+    streams = RandomStreams(seed, index // ranges.lighting_passes)
     rooms = {name: getattr(ranges, name) for name in ("paper", "surface", "props", "camera", "desk")}
     kinds = [kind for _, kind in ranges.leaf.values()]
     sizes = [1, field_count(kinds[0]), *(field_count(room) for room in rooms.values())]
-    which, leaf_numbers, *others = tf.split(key.uniform([sum(sizes)], Stream.SCENE), sizes)
+    which, leaf_numbers, *others = tf.split(streams.uniform([sum(sizes)], Stream.SCENE), sizes)
     drawn = {
         name: sample_params(room, part) for (name, room), part in zip(rooms.items(), others, strict=True)
     }
     kind = _choose_kind([weight for weight, _ in ranges.leaf.values()], which[0])
-    light_key, lit = _sample_light(seed, index, ranges)
+    light_streams, light = _sample_light(seed, index, ranges)
     return Scene(
         kind=kind,
         leaf=sample_params_of_kind(kinds, kind, leaf_numbers),
-        light=lit,
-        key=key,
-        light_key=light_key,
+        light=light,
+        streams=streams,
+        light_streams=light_streams,
         **drawn,
     )
 
 
 def sample_lighting_passes(seed: tf.Tensor | int, first: tf.Tensor | int, ranges: Ranges) -> list[Scene]:
-    """The scenes of all lighting passes over one leaf, of which `first` is the index of the first."""
+    """Sample the scenes of all lighting passes over one leaf; `first` is the index of the first pass."""
     scene = sample_scene(seed, first, ranges)
     others = [_sample_light(seed, first + number, ranges) for number in range(1, ranges.lighting_passes)]
-    return [scene, *(dataclasses.replace(scene, light_key=key, light=lit) for key, lit in others)]
+    return [
+        scene,
+        *(dataclasses.replace(scene, light_streams=streams, light=light) for streams, light in others),
+    ]
 
 
 def _sample_light(
     seed: tf.Tensor | int, index: tf.Tensor, ranges: Ranges
-) -> tuple[RandomStreams, LightParams]:
-    key = RandomStreams(seed, index)
-    return key, sample_params(ranges.light, key.uniform([field_count(ranges.light)], Stream.LIGHT))
+) -> tuple[RandomStreams, LightParams[Scalar]]:
+    streams = RandomStreams(seed, index)
+    return streams, sample_params(ranges.light, streams.uniform([field_count(ranges.light)], Stream.LIGHT))
 
 
 def _choose_kind(weights: list[float], uniform: tf.Tensor) -> tf.Tensor:
-    """Index of the weight that `uniform` in [0, 1) falls on."""
+    """Return the index, int32, of the interval of cumulative `weights` that holds `uniform` in [0, 1)."""
     steps = tf.cumsum(tf.constant(weights, tf.float32) / sum(weights))
     return tf.minimum(tf.reduce_sum(tf.cast(uniform >= steps, tf.int32)), len(weights) - 1)

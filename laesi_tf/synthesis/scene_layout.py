@@ -1,45 +1,42 @@
-"""Where everything in a scene is: the leaf on the sheet, the camera's view of it, edges in pixels."""
+"""Where everything in a scene is: the leaf on the sheet, the camera's view of it, and edges in pixels."""
 
 import math
 from typing import NamedTuple
 
 import tensorflow as tf
 
-from laesi_tf.synthesis import rasterizer
+from laesi_tf.synthesis import polygons
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.camera.view import CameraView, compute_view
 from laesi_tf.synthesis.geometry import ImageSize, project_points
-from laesi_tf.synthesis.kernels import Components
-from laesi_tf.synthesis.leaf import veins
-from laesi_tf.synthesis.leaf.holes import hole_outlines, sample_hole_numbers
-from laesi_tf.synthesis.leaf.outline import (
-    OutlineCurve,
-    leaf_area_cm2,
-    resample_outline,
-    sample_outline_curve,
-)
+from laesi_tf.synthesis.leaf.holes import hole_outlines
+from laesi_tf.synthesis.leaf.outline import OutlineCurve, leaf_area_cm2, resample_outline
 from laesi_tf.synthesis.leaf.params import LeafParams
 from laesi_tf.synthesis.leaf.surface import SurfaceParams
-from laesi_tf.synthesis.polygons import polygon_edges, subdivide_edges, subdivide_polygon
-from laesi_tf.synthesis.scene import Scene
-from laesi_tf.synthesis.xla import compile_with_xla
+from laesi_tf.synthesis.leaf.veins import vein_edges
+from laesi_tf.synthesis.ranges import Scalar
+from laesi_tf.synthesis.rasterizer import EdgeContributions, edge_contributions
 
 
 class LeafPose(NamedTuple):
     """Rotation [2, 2] and translation [2] from leaf coordinates to sheet coordinates, mm."""
 
-    turn: tf.Tensor
-    shift: tf.Tensor
+    rotation: tf.Tensor
+    translation: tf.Tensor
 
     def apply(self, points: tf.Tensor) -> tf.Tensor:
-        """Leaf coordinates [..., 2] to sheet coordinates [..., 2]."""
-        flat = tf.linalg.matmul(tf.reshape(points, [-1, 2]), self.turn, transpose_b=True) + self.shift
-        return tf.reshape(flat, tf.shape(points))
+        """Map leaf coordinates [..., 2] to sheet coordinates [..., 2]."""
+        flat = tf.reshape(points, [-1, 2])
+        moved = tf.linalg.matmul(flat, self.rotation, transpose_b=True) + self.translation
+        return tf.reshape(moved, tf.shape(points))
 
 
 class SceneLayout(NamedTuple):
-    """Where everything is: the leaf's `outline` [n, 2] and `holes` [k, m, 2] in sheet mm, with the leaf's box
-    centred on the origin, and the camera's view of them."""
+    """The leaf on the sheet and the camera's view of it.
+
+    `outline` [n, 2] and `holes` [k, m, 2] are in sheet mm, with the centre of the leaf's bounding box at the
+    origin; `area_cm2` [] is the label.
+    """
 
     outline: tf.Tensor
     holes: tf.Tensor
@@ -47,65 +44,65 @@ class SceneLayout(NamedTuple):
     view: CameraView
     area_cm2: tf.Tensor
 
-
-def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:
-    """Lay the leaf on the sheet and point the camera at it."""
-    ring, places = sample_outline_curve(scene.leaf, scene.key), sample_hole_numbers(scene.key)
-    # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
-    return _compute_layout(scene.leaf, scene.camera, ring, places, tf.constant(size, tf.float32))
+    @property
+    def leaf_box(self) -> tf.Tensor:
+        """Opposite corners [2, 2] of the leaf's bounding box, sheet mm."""
+        return tf.stack([tf.reduce_min(self.outline, axis=0), tf.reduce_max(self.outline, axis=0)])
 
 
-@compile_with_xla
-def _compute_layout(
-    leaf: LeafParams, held: CameraParams, ring: OutlineCurve, places: tf.Tensor, size: tf.Tensor
+def compute_layout(
+    leaf: LeafParams[Scalar],
+    camera: CameraParams[Scalar],
+    curve: OutlineCurve,
+    hole_numbers: tf.Tensor,
+    size: tf.Tensor,
 ) -> SceneLayout:
-    """`geometry` of a leaf whose outline is `ring` and whose holes are at `places`."""
-    outline, holes = resample_outline(ring), hole_outlines(leaf, places)
+    """Place the leaf on the sheet and point the camera at it.
+
+    `hole_numbers` [k, 8] come from `sample_hole_numbers`, `size` [2] is the image's height and width in
+    pixels.
+    """
+    outline, holes = resample_outline(curve), hole_outlines(leaf, hole_numbers)
     cosine, sine = tf.cos(leaf.angle), tf.sin(leaf.angle)
-    turn = tf.stack([tf.stack([cosine, -sine]), tf.stack([sine, cosine])])
-    turned = tf.linalg.matmul(outline, turn, transpose_b=True)
-    pose = LeafPose(turn, -(tf.reduce_min(turned, axis=0) + tf.reduce_max(turned, axis=0)) / 2)
-    centred = turned + pose.shift
+    rotation = tf.stack([tf.stack([cosine, -sine]), tf.stack([sine, cosine])])
+    rotated = tf.linalg.matmul(outline, rotation, transpose_b=True)
+    pose = LeafPose(rotation, -(tf.reduce_min(rotated, axis=0) + tf.reduce_max(rotated, axis=0)) / 2)
+    centred = rotated + pose.translation
     return SceneLayout(
         outline=centred,
         holes=pose.apply(holes),
         pose=pose,
-        view=compute_view(held, centred, size),
+        view=compute_view(camera, centred, size),
         area_cm2=leaf_area_cm2(outline, holes),
     )
 
 
-def leaf_edges(place: SceneLayout, size: ImageSize) -> tf.Tensor:
-    """Edges [n, 2 ends, 2] of the leaf and its holes in pixels."""
-    pieces = math.ceil(max(size) / 256)
-    polygons = [
-        subdivide_polygon(project_points(place.view.to_px, points), pieces)
-        for points in (place.outline, place.holes)
-    ]
-    return tf.concat([tf.reshape(polygon_edges(points), [-1, 2, 2]) for points in polygons], axis=0)
-
-
-def _vein_edges(
-    place: SceneLayout, leaf: LeafParams, skin: SurfaceParams, commands: tf.Tensor, size: ImageSize
-) -> tf.Tensor:
-    """Edges [n, 2 ends, 2] of the leaf's veins in pixels."""
-    edges = veins.vein_edges(leaf, commands, skin.vein_jitter, skin.vein_width_mm)
-    return subdivide_edges(
-        project_points(place.view.to_px, place.pose.apply(edges)), math.ceil(max(size) / 40)
-    )
-
-
-@compile_with_xla
-def leaf_edge_contributions(
-    place: SceneLayout,
-    leaf: LeafParams,
-    skin: SurfaceParams,
-    commands: tf.Tensor,
+def leaf_contributions(
+    layout: SceneLayout,
+    leaf: LeafParams[Scalar],
+    surface: SurfaceParams[Scalar],
+    turtle_noise: tf.Tensor,
     size: ImageSize,
-    parts: Components,
-) -> list[rasterizer.EdgeContributions]:
-    """What the edges of the leaf leave in the picture's cells, and what those of its veins do."""
-    edges = [leaf_edges(place, size)]
-    if "veins" in parts:
-        edges.append(_vein_edges(place, leaf, skin, commands, size))
-    return [rasterizer.edge_contributions(polygons, size) for polygons in edges]
+    components: tuple[str, ...],
+) -> tuple[EdgeContributions, EdgeContributions | None]:
+    """Return what the edges of the leaf, and those of its veins, contribute to the image's cells.
+
+    `turtle_noise` comes from `sample_turtle_noise`. The second is None without veins.
+    """
+    of_outline = edge_contributions(leaf_edges(layout, size), size)
+    if "veins" not in components:
+        return of_outline, None
+    outlines = vein_edges(leaf, turtle_noise, surface.vein_jitter, surface.vein_width_mm)
+    projected = project_points(layout.view.to_px, layout.pose.apply(outlines))
+    pieces = math.ceil(max(size) / 40)
+    return of_outline, edge_contributions(polygons.subdivide_edges(projected, pieces), size)
+
+
+def leaf_edges(layout: SceneLayout, size: ImageSize) -> tf.Tensor:
+    """Return the edges [n, 2 ends, 2] of the leaf and its holes in pixels."""
+    pieces = math.ceil(max(size) / 256)
+    loops = [
+        polygons.subdivide_polygon(project_points(layout.view.to_px, points), pieces)
+        for points in (layout.outline, layout.holes)
+    ]
+    return tf.concat([tf.reshape(polygons.polygon_edges(points), [-1, 2, 2]) for points in loops], axis=0)

@@ -1,4 +1,4 @@
-"""Sub-windows of an image: small things are drawn only in the pixels that they cover."""
+"""Sub-windows of an image: what is small is drawn only in the pixels that it may cover."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ _STEP = 32
 
 
 class Window(NamedTuple):
-    """A rectangle of a picture's pixels, int32 scalars."""
+    """A rectangle of an image's pixels, int32 scalars."""
 
     top: tf.Tensor
     left: tf.Tensor
@@ -27,24 +27,25 @@ class Window(NamedTuple):
         """Height and width."""
         return self.height, self.width
 
-    def cut(self, image: tf.Tensor) -> tf.Tensor:
-        """The window's part of an image [3, H, W]."""
+    def crop(self, image: tf.Tensor) -> tf.Tensor:
+        """Return the window's part of an image [3, H, W]."""
         return tf.slice(image, [0, self.top, self.left], [3, self.height, self.width])
 
-    def paste(self, part: tf.Tensor, size: ImageSize) -> tf.Tensor:
-        """A `part` [3, h, w] that fills the window in an image [3, H, W] of zeros."""
-        below, beside = size[0] - self.top - self.height, size[1] - self.left - self.width
-        padding = [[0, 0], [self.top, below], [self.left, beside]]
-        return tf.ensure_shape(tf.pad(part, padding), [3, *size])
+    def pad_to_image(self, crop: tf.Tensor, size: ImageSize) -> tf.Tensor:
+        """Return an image [3, H, W] of zeros with `crop` [3, h, w] in the window."""
+        below, right = size[0] - self.top - self.height, size[1] - self.left - self.width
+        padding = [[0, 0], [self.top, below], [self.left, right]]
+        return tf.ensure_shape(tf.pad(crop, padding), [3, *size])
 
 
-def window_around(low: tf.Tensor, high: tf.Tensor, frame: tf.Tensor) -> Window:
-    """The window around the box from `low` to `high` [2] (x, y), of a picture with `frame` [2] (x, y) pixels.
+def window_around(low: tf.Tensor, high: tf.Tensor, image_wh: tf.Tensor) -> Window:
+    """Return the window around the box from `low` [2] to `high` [2], (x, y) in pixels.
 
-    Its sides are multiples of 32 where the picture is large enough: libraries that compile a kernel for each
-    shape then meet few of them.
+    `image_wh` [2] is the image's width and height in pixels.
+    Its sides are multiples of 32 where the image is large enough: libraries that compile a kernel for each
+    shape then meet few shapes.
     """
-    sides = tf.cast(frame, tf.int32)
+    sides = tf.cast(image_wh, tf.int32)
     corner = tf.clip_by_value(tf.cast(tf.floor(low), tf.int32), 0, sides - 1)
     extent = tf.maximum(tf.cast(tf.math.ceil(high), tf.int32) - corner, 1)
     extent = tf.minimum((extent + _STEP - 1) // _STEP * _STEP, sides)

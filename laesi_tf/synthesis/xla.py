@@ -1,46 +1,54 @@
-"""Pieces of a scene compiled (XLA): many small sums on its numbers, or chains of passes over its pixels.
-
-Op by op, every sum and product of a picture is a pass over memory, some sixty of them, and what runs the ops
-costs as much again; compiled together they take a third of the time. Each call costs some fifty microseconds,
-so the pieces are few and large. What does not belong in them, as XLA makes it ten to a thousand times slower:
-adding into cells one by one, searching a sorted list, cutting a window out of a constant, and finding the
-places that are looked up in a table in the same piece as looking them up.
-"""
+"""Compile functions of tensors and scene parameters with XLA."""
 
 import dataclasses
 import functools
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 
 import tensorflow as tf
 
+Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
 class _PackedParams(NamedTuple):
-    """A room of the scene as one vector, since every argument of a compiled function costs time."""
+    """A parameter dataclass as one vector, since every argument of a compiled function costs time."""
 
     kind: type
     is_bool: tuple[bool, ...]
     numbers: tf.Tensor
 
 
-def compile_with_xla(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Compile `function` of tensors, rooms of a scene and sizes once for each shape that it meets.
+def compile_with_xla(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Compile `function` once for each set of shapes and static arguments that it meets.
 
-    The same compiled code runs eagerly and inside tf.data.
+    Positional arguments are tensors, nested tuples of them, sampled parameter dataclasses, or static values
+    (sizes, names). The same compiled code runs eagerly and inside tf.data.
     """
+    # One tf.function for each signature: a single one would warn of retracing, which is intended here.
+    compiled: dict[Hashable, Callable[..., Any]] = {}
+    plain: Callable[..., Result] = function
 
-    @functools.partial(tf.function, jit_compile=True, autograph=False)
-    @functools.wraps(function)
-    def compiled(*packed: Any) -> Result:
-        return function(*(_unpack(argument) for argument in packed))
+    def unpack_and_call(*packed: Any) -> Result:
+        return plain(*(_unpack(argument) for argument in packed))
 
-    @functools.wraps(function)
-    def call(*arguments: Any) -> Result:
-        return compiled(*(_pack(argument) for argument in arguments))
+    def call(*arguments: Any) -> Any:
+        packed = [_pack(argument) for argument in arguments]
+        signature = _signature(packed)
+        if signature not in compiled:
+            # TensorFlow counts retracing per code object, which a partial does not have.
+            fresh = functools.partial(unpack_and_call)
+            compiled[signature] = tf.function(fresh, jit_compile=True, autograph=False)
+        return compiled[signature](*packed)
 
-    return call
+    call.__name__, call.__doc__ = function.__name__, function.__doc__
+    return cast(Callable[Arguments, Result], call)
+
+
+def _signature(packed: Sequence[Any]) -> Hashable:
+    """Return what tells compiled versions apart: shapes and types of tensors, other arguments themselves."""
+    leaves = tf.nest.flatten(packed)
+    return tuple((leaf.shape, leaf.dtype) if tf.is_tensor(leaf) else leaf for leaf in leaves)
 
 
 def _pack(argument: Any) -> Any:

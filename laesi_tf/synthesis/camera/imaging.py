@@ -1,6 +1,6 @@
-"""Lens, sensor and file: focus blur, white balance and tone, sensor noise, chroma subsampling.
+"""Exposure, lens, sensor and file: illumination, tone, focus blur, sensor noise, chroma subsampling.
 
-Images are planar, [3, H, W] in [0, 1]: on a CPU several times faster than channels last.
+Images are planar, [3, H, W] in [0, 1], which on a CPU is several times faster than channels last.
 """
 
 import functools
@@ -9,25 +9,107 @@ import math
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.synthesis import light as lighting
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.colour import LUMA_WEIGHTS, luma
 from laesi_tf.synthesis.filters import gaussian_blur
 from laesi_tf.synthesis.geometry import ImageSize
+from laesi_tf.synthesis.light import LightParams
+from laesi_tf.synthesis.paper.params import PaperParams
+from laesi_tf.synthesis.paper.sheet import sheet_colour
+from laesi_tf.synthesis.random_streams import RandomStreams, Stream
+from laesi_tf.synthesis.ranges import Scalar
 
 _MAX_BLUR_MM = 0.25
-"""Taps of the blur are laid out for this much; a wider one is cut off."""
+"""The blur has taps for this standard deviation; a wider one is cut off."""
+_BANK_MARGIN_PX = 256
 
 
-def apply_focus_blur(image: tf.Tensor, camera: CameraParams, px_per_mm: tf.Tensor) -> tf.Tensor:
-    """Focus blur of [3, H, W] where the scene has it."""
+def apply_light_and_tone(
+    image: tf.Tensor,
+    light: LightParams[Scalar],
+    illumination_grid: tf.Tensor,
+    camera: CameraParams[Scalar],
+    paper: PaperParams[Scalar],
+    components: tuple[str, ...],
+) -> tf.Tensor:
+    """Illuminate [3, H, W], add the reflection of a pane of glass, and apply white balance and tone.
+
+    Apart from the stages before it: each channel of the result needs all three channels of `image`.
+    """
+    size = image.shape[1], image.shape[2]
+    if "illumination" in components:
+        image *= lighting.illumination(light, illumination_grid, size)
+    if "glass" in components:
+        image = lighting.add_glass_reflection(image, lighting.glass_reflection(light, size))
+    if "development" in components:
+        image = apply_white_balance_and_tone(image, camera, sheet_colour(paper))
+    return image
+
+
+def apply_white_balance_and_tone(
+    image: tf.Tensor, camera: CameraParams[Scalar], bare_sheet: tf.Tensor
+) -> tf.Tensor:
+    """Apply white balance, exposure, contrast and saturation to [3, H, W]: one affine map of colour.
+
+    The exposure is metered on the colour `bare_sheet` [3, 1, 1].
+    """
+    balance = tf.stack([1 + camera.warmth / 2, 1 + camera.green, 1 - camera.warmth / 2])
+    gains = balance * (camera.exposure / tf.reduce_max(balance * bare_sheet[:, 0, 0]))
+    mix = camera.saturation * tf.eye(3) + (1 - camera.saturation) * tf.constant([LUMA_WEIGHTS] * 3)
+    matrix = camera.contrast * mix * gains[None, :]
+    mixed = sum(matrix[:, channel, None, None] * image[channel] for channel in range(3))
+    return mixed + 0.5 * (1 - camera.contrast)
+
+
+def apply_focus_blur(image: tf.Tensor, camera: CameraParams[Scalar], px_per_mm: tf.Tensor) -> tf.Tensor:
+    """Blur [3, H, W] by the camera's defocus."""
     reach = math.ceil(1.25 * _MAX_BLUR_MM * max(image.shape[1:]) / 70)
-    return tf.cond(
-        camera.blurred, lambda: gaussian_blur(image, camera.blur_mm * px_per_mm, reach), lambda: image
-    )
+    return gaussian_blur(image, camera.blur_mm * px_per_mm, reach)
 
 
-def subsample_chroma(image: tf.Tensor) -> tf.Tensor:
-    """Means [3, ceil(H / 2), ceil(W / 2)] of colour less luma over blocks of two by two pixels."""
+def cut_sensor_noise(streams: RandomStreams, size: ImageSize) -> tf.Tensor:
+    """Return noise [3, H, W] of unit variance, a random window of one fixed bank.
+
+    Drawing 150,000 fresh normals costs more than the rest of the camera; a random window of a bank 256 pixels
+    wider than the image looks the same to anything that sees one image at a time. Not to be compiled: XLA
+    makes the cut cost a thousand times as much.
+    """
+    offset = streams.uniform([2], Stream.SENSOR)
+    bank = tf.constant(_sensor_noise_bank(max(size) + _BANK_MARGIN_PX))
+    return tf.slice(bank, tf.concat([[0], tf.cast(offset * _BANK_MARGIN_PX, tf.int32)], 0), [3, *size])
+
+
+@functools.cache
+def _sensor_noise_bank(side: int) -> np.ndarray:
+    """Return normal noise [3, side, side]; channels share most of their variance, as after demosaicing."""
+    normal = np.random.default_rng(20240400593).standard_normal((4, side, side)).astype(np.float32)
+    return 0.85 * normal[:1] + 0.53 * normal[1:]
+
+
+def add_sensor_noise(image: tf.Tensor, camera: CameraParams[Scalar], noise: tf.Tensor | None) -> tf.Tensor:
+    """Add sensor `noise` [3, H, W] of unit variance to [3, H, W]: more in shadows, as a tone curve does."""
+    return image if noise is None else image + camera.noise * (1.25 - 0.6 * image[1]) * noise
+
+
+def record(image: tf.Tensor, camera: CameraParams[Scalar], noise: tf.Tensor | None) -> tf.Tensor:
+    """Add sensor noise and quantise: uint8 [H, W, 3]."""
+    return quantise(add_sensor_noise(image, camera, noise))
+
+
+def subsample_chroma(
+    image: tf.Tensor, camera: CameraParams[Scalar], noise: tf.Tensor | None
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Add sensor noise; return the noisy image and its chroma at half the resolution, as JPEG files store it.
+
+    The chroma [3, ceil(H / 2), ceil(W / 2)] is colour less luma, averaged over blocks of two by two pixels.
+    """
+    image = add_sensor_noise(image, camera, noise)
+    return image, halve_chroma(image)
+
+
+def halve_chroma(image: tf.Tensor) -> tf.Tensor:
+    """Return the mean chroma [3, ceil(H / 2), ceil(W / 2)], colour less luma, of blocks of 2 x 2 pixels."""
     _, height, width = image.shape
     last = tf.concat([image, image[:, -1:]], axis=1) if height % 2 else image
     even = tf.concat([last, last[:, :, -1:]], axis=2) if width % 2 else last
@@ -36,10 +118,15 @@ def subsample_chroma(image: tf.Tensor) -> tf.Tensor:
     return mean - luma(mean)
 
 
-def restore_chroma(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:
-    """Luma of `image` [3, H, W] with half-size `chroma` interpolated bilinearly to its size.
+def record_with_chroma(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:
+    """Replace the chroma of `image` [3, H, W] by half-size `chroma` and quantise: uint8 [H, W, 3]."""
+    return quantise(restore_chroma(image, chroma))
 
-    Of an image and its own `halved_chroma` it makes what JPEG does (4:2:0 subsampling): softer colour.
+
+def restore_chroma(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:
+    """Return the luma of `image` [3, H, W] with half-size `chroma`, bilinearly interpolated to its size.
+
+    Of an image and its own `halve_chroma` it makes what JPEG does (4:2:0 subsampling): softer colour.
     """
     for axis in (1, 2):
         length = chroma.shape[axis]
@@ -52,41 +139,6 @@ def restore_chroma(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:
     return luma(image) + chroma[:, : image.shape[1], : image.shape[2]]
 
 
-def apply_white_balance_and_tone(image: tf.Tensor, camera: CameraParams, paper: tf.Tensor) -> tf.Tensor:
-    """White balance, exposure, contrast and saturation of [3, H, W]: one affine map of colour.
-
-    The exposure is metered on the bare `paper`, its colour [3, 1, 1].
-    """
-    balance = tf.stack([1 + camera.warmth / 2, 1 + camera.green, 1 - camera.warmth / 2])
-    gains = balance * (camera.exposure / tf.reduce_max(balance * paper[:, 0, 0]))
-    mix = camera.saturation * tf.eye(3) + (1 - camera.saturation) * tf.constant([LUMA_WEIGHTS] * 3)
-    matrix = camera.contrast * mix * gains[None, :]
-    mixed = sum(matrix[:, channel, None, None] * image[channel] for channel in range(3))
-    return mixed + 0.5 * (1 - camera.contrast)
-
-
-def add_sensor_noise(image: tf.Tensor, camera: CameraParams, grain: tf.Tensor) -> tf.Tensor:
-    """Sensor noise on [3, H, W], stronger in the shadows as a tone curve makes it.
-
-    `grain` [3, H, W] has unit variance.
-    """
-    return image + camera.noise * (1.25 - 0.6 * image[1]) * grain
-
-
-@functools.cache
-def _sensor_noise_bank(side: int) -> np.ndarray:
-    """Unit normal noise [3, side, side]; its channels share most of their variance, as after demosaicing."""
-    normal = np.random.default_rng(20240400593).standard_normal((4, side, side)).astype(np.float32)
-    return 0.85 * normal[:1] + 0.53 * normal[1:]
-
-
-def cut_sensor_noise(offset: tf.Tensor, size: ImageSize) -> tf.Tensor:
-    """Noise [3, H, W] of unit variance, cut at uniform `offset` [2] in [0, 1) from one fixed bank.
-
-    Drawing 150,000 fresh normals costs more than the rest of the camera; a random window of a bank 256 pixels
-    wider than the picture looks the same to anything that sees one picture at a time. Not to be compiled:
-    that makes the cut cost a thousand times as much.
-    """
-    slack = 256
-    bank = tf.constant(_sensor_noise_bank(max(size) + slack))
-    return tf.slice(bank, tf.concat([[0], tf.cast(offset * slack, tf.int32)], 0), [3, *size])
+def quantise(image: tf.Tensor) -> tf.Tensor:
+    """Round [3, H, W] in [0, 1] to uint8 [H, W, 3]."""
+    return tf.cast(tf.transpose(tf.clip_by_value(image * 255 + 0.5, 0, 255), [1, 2, 0]), tf.uint8)

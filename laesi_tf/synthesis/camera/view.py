@@ -1,7 +1,7 @@
-"""Place the camera: the homography from sheet millimetres to pixels.
+"""Place the camera: the homography from sheet mm to pixels.
 
-Sheet coordinates are millimetres with the centre of the leaf's bounding box at the origin. A homography is
-[3, 3] and maps (X, Y, 1) mm to pixels (x right, y down); pixel (i, j) covers [j, j+1] x [i, i+1].
+Sheet coordinates are mm with the centre of the leaf's bounding box at the origin; conventions as in
+`laesi_tf.synthesis.geometry`.
 """
 
 import math
@@ -11,49 +11,65 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis.camera.params import CameraParams
-from laesi_tf.synthesis.geometry import ImageSize, project_points, px_per_mm_at
+from laesi_tf.synthesis.geometry import ImageSize, project_points, px_per_mm_at, require_shape
+from laesi_tf.synthesis.ranges import Scalar
+
+IMAGE_BORDER = 0.02
+"""Fraction of the image's side that the leaf stays away from the image border."""
 
 
 class CameraView(NamedTuple):
-    """One camera position: `to_px` maps sheet mm to pixels, `px_per_mm` is the scale at the centroid."""
+    """One camera position.
+
+    `to_px` [3, 3] maps sheet mm to pixels, `px_per_mm` is the scale at the leaf's centroid, `fov_mm` the
+    width of the sheet that the image shows at the leaf.
+    """
 
     to_px: tf.Tensor
     px_per_mm: tf.Tensor
     fov_mm: tf.Tensor
 
 
-IMAGE_BORDER = 0.02
-"""The leaf keeps this fraction of the picture's side between itself and the frame."""
+def compute_view(camera: CameraParams[Scalar], outline: tf.Tensor, size: ImageSize | tf.Tensor) -> CameraView:
+    """Point the camera at the leaf `outline` [n, 2] (sheet mm, centred) so that the image holds all of it.
 
-
-def compute_view(camera: CameraParams, outline: tf.Tensor, size: ImageSize | tf.Tensor) -> CameraView:
-    """Point the camera at the leaf `outline` [n, 2] (sheet mm, centred) so that it lies in the frame."""
+    `size` is (height, width) in pixels.
+    """
+    require_shape("outline", outline, (None, 2))
     height, width = tf.unstack(tf.cast(size, tf.float32))
     extent = tf.reduce_max(outline, axis=0) - tf.reduce_min(outline, axis=0)
     fov = tf.clip_by_value(tf.reduce_max(extent) / camera.fill, camera.closest_mm, camera.farthest_mm)
-    tilt = camera.tilt_deg * tf.cast(camera.tilted, tf.float32) * (math.pi / 180)
+    tilt = tilt_deg(camera) * (math.pi / 180)
     homography = pinhole_homography(tilt, camera.tilt_direction, camera.roll, camera.focal * fov, width / fov)
     box = project_points(homography, outline)
     corner, box_size = tf.reduce_min(box, axis=0), tf.reduce_max(box, axis=0) - tf.reduce_min(box, axis=0)
-    frame = tf.stack([width, height])
-    room = frame - 2 * IMAGE_BORDER * frame
-    zoom = tf.minimum(tf.reduce_min(room / box_size), 1)
-    place = tf.stack([camera.place_x, camera.place_y])
-    shift = IMAGE_BORDER * frame + place * (room - zoom * box_size) - zoom * corner
+    image_wh = tf.stack([width, height])
+    free_space = image_wh - 2 * IMAGE_BORDER * image_wh
+    zoom = tf.minimum(tf.reduce_min(free_space / box_size), 1)
+    position = tf.stack([camera.place_x, camera.place_y])
+    shift = IMAGE_BORDER * image_wh + position * (free_space - zoom * box_size) - zoom * corner
     to_px = tf.linalg.matmul(_scale_and_shift(zoom, shift), homography)
-    return CameraView(
-        to_px=to_px, px_per_mm=px_per_mm_at(to_px, tf.reduce_mean(outline, axis=0)), fov_mm=fov / zoom
-    )
+    px_per_mm = px_per_mm_at(to_px, tf.reduce_mean(outline, axis=0))
+    return CameraView(to_px=to_px, px_per_mm=px_per_mm, fov_mm=fov / zoom)
+
+
+def tilt_deg(camera: CameraParams[Scalar]) -> tf.Tensor:
+    """Return the angle in degrees between the optical axis and the sheet's normal."""
+    return camera.tilt_deg * tf.cast(camera.tilted, tf.float32)
 
 
 def pinhole_homography(
     tilt: tf.Tensor, direction: tf.Tensor, roll: tf.Tensor, distance: tf.Tensor, scale: tf.Tensor
 ) -> tf.Tensor:
-    """Homography of a pinhole `distance` mm above the origin, tilted about the axis at `direction`."""
-    foreshorten = (
+    """Return the homography [3, 3] of a tilted pinhole camera `distance` mm above the origin.
+
+    The axis of the tilt lies in the sheet. `tilt`, its `direction` and `roll` about the optical axis are
+    radians; `scale` is px/mm at the     origin.
+    """
+    foreshortening = (
         tf.eye(3) + (tf.cos(tilt) - 1) * _unit_matrix(1, 1) + tf.sin(tilt) / distance * _unit_matrix(2, 1)
     )
-    tilted = _rotation_homography(direction + roll) @ foreshorten @ _rotation_homography(-direction)
+    tilted = _rotation_homography(direction + roll) @ foreshortening @ _rotation_homography(-direction)
     return tf.stack([scale, scale, 1.0])[:, None] * tilted
 
 
@@ -67,13 +83,13 @@ def _rotation_homography(angle: tf.Tensor) -> tf.Tensor:
 
 
 def _scale_and_shift(zoom: tf.Tensor, shift: tf.Tensor) -> tf.Tensor:
-    """Homography of scaling by `zoom` and shifting by `shift` [2] pixels."""
+    """Return the homography of scaling by `zoom` and shifting by `shift` [2] pixels."""
     move = tf.concat([shift, [1.0]], axis=0)[:, None] * np.array([0, 0, 1], np.float32)
     return zoom * (_unit_matrix(0, 0) + _unit_matrix(1, 1)) + move
 
 
 def _unit_matrix(row: int, column: int) -> np.ndarray:
-    """The 3 x 3 matrix that is 1 at one place and 0 elsewhere."""
+    """Return the 3 x 3 matrix that is 1 at (row, column) and 0 elsewhere."""
     matrix = np.zeros((3, 3), np.float32)
     matrix[row, column] = 1
     return matrix

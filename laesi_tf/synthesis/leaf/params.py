@@ -1,59 +1,60 @@
 """Parameters of a leaf's shape, and the kinds of leaves."""
 
+import math
 from dataclasses import dataclass
+from typing import Generic
 
-import numpy as np
-
-from laesi_tf.synthesis.ranges import Number, Probability
+from laesi_tf.synthesis.ranges import Range, Value, constant, interval, probability
 
 
 @dataclass(frozen=True)
-class LeafParams:
-    """One kind of leaf. Lengths are fractions of the blade's length unless they say mm."""
+class LeafParams(Generic[Value]):
+    """One kind of leaf. Lengths are fractions of the blade's length unless the name says mm; angles are
+    radians."""
 
-    length_mm: Number = (35, 140)
-    aspect: Number = (0.3, 0.75)
+    length_mm: Value = interval(35, 140)
+    aspect: Value = interval(0.3, 0.75)
     """Width over length."""
-    widest: Number = (0.35, 0.6)
+    widest: Value = interval(0.35, 0.6)
     """Where along the midrib the blade is widest."""
-    base_power: Number = (0.45, 0.9)
+    base_power: Value = interval(0.45, 0.9)
     """Half-width towards the base, (1 - d^2)^power: 0.5 round, 1 wedge, under 0.45 blunt."""
-    tip_power: Number = (0.5, 1.2)
+    tip_power: Value = interval(0.5, 1.2)
     """The same towards the tip: 0.5 round, 1 acute, above 1.2 drawn out."""
-    cordate: Number = 0.0
-    """How far the base reaches back past the petiole."""
-    asymmetry: Number = (-0.06, 0.06)
-    irregularity: Number = (0.003, 0.018)
+    cordate: Value = constant(0.0)
+    """How far the base extends back past the petiole."""
+    asymmetry: Value = interval(-0.06, 0.06)
+    irregularity: Value = interval(0.003, 0.018)
     """Standard deviation of the control points' displacement N."""
-    lobes: Number = (3, 6)
-    lobe_depth: Number = 0.0
-    lobe_sharpness: Number = 0.0
+    lobes: Value = interval(3, 6)
+    lobe_depth: Value = constant(0.0)
+    lobe_sharpness: Value = constant(0.0)
     """0: round lobes between sharp sinuses (oak); 1: spines between round sinuses (holly)."""
-    lobe_lean: Number = (0.0, 0.12)
-    waves: Number = (5, 11)
-    wave_height: Number = (0.0, 0.012)
-    teeth: Number = (12, 55)
-    tooth_height: Number = (0.0, 0.008)
-    roughness: Number = (0.0, 0.003)
+    lobe_lean: Value = interval(0.0, 0.12)
+    waves: Value = interval(5, 11)
+    wave_height: Value = interval(0.0, 0.012)
+    tooth_count: Value = interval(12, 55)
+    tooth_height: Value = interval(0.0, 0.008)
+    roughness: Value = interval(0.0, 0.003)
     """Edge irregularities: standard deviation of fine displacements."""
-    bend: Number = (-0.45, 0.45)
-    """Turn of the midrib from base to tip, radians."""
-    bend_change: Number = (-0.5, 0.5)
-    bitten: Number = Probability(0.12)
-    bite_depth: Number = (0.1, 0.6)
-    holed: Number = Probability(0.15)
-    hole_radius: Number = (0.008, 0.045)
-    petiole: Number = (0.0, 0.22)
-    petiole_width_mm: Number = (0.8, 2.4)
-    petiole_bend: Number = (-1.2, 1.2)
-    angle: Number = (-np.pi, np.pi)
-    """Direction of the midrib against the ruling, radians."""
-    veins: Number = (6, 13)
+    bend: Value = interval(-0.45, 0.45)
+    """Turn of the midrib from base to tip."""
+    bend_change: Value = interval(-0.5, 0.5)
+    bitten: Value = probability(0.12)
+    bite_depth: Value = interval(0.1, 0.6)
+    holed: Value = probability(0.15)
+    hole_radius: Value = interval(0.008, 0.045)
+    petiole: Value = interval(0.0, 0.22)
+    petiole_width_mm: Value = interval(0.8, 2.4)
+    petiole_bend: Value = interval(-1.2, 1.2)
+    angle: Value = interval(-math.pi, math.pi)
+    """Direction of the midrib relative to the ruling."""
+    veins: Value = interval(6, 13)
     """Secondary veins on each side."""
-    vein_angle: Number = (0.6, 1.1)
+    vein_angle: Value = interval(0.6, 1.1)
 
 
-LEAF_KINDS: dict[str, tuple[float, LeafParams]] = {
+LEAF_KINDS: dict[str, tuple[float, LeafParams[Range]]] = {
     "beech": (
         0.2,
         LeafParams(
@@ -157,5 +158,8 @@ LEAF_KINDS: dict[str, tuple[float, LeafParams]] = {
         ),
     ),
 }
-"""Kinds of leaf with their relative frequency: the paper's beech and oak, and shapes around them that keep a
-network trained on synthesis alone from taking every leaf for one of the two."""
+"""Kinds of leaf with their relative frequency.
+
+The paper's beech and oak, and shapes around them that keep a network trained on synthetic images alone from
+taking every leaf for one of the two.
+"""

@@ -2,59 +2,65 @@
 
 import math
 from dataclasses import dataclass
+from typing import Generic
 
-from laesi_tf.synthesis.ranges import Number, Probability
+from laesi_tf.synthesis.ranges import Value, interval, probability
 
 
 @dataclass(frozen=True)
-class PaperParams:
-    """One sheet. Strengths are absorbances in [0, 1] at a line's centre, hues turns of the colour wheel."""
+class PaperParams(Generic[Value]):
+    """One sheet of paper (paper, section 3.1).
 
-    hue: Number = (0.0, 1.0)
-    tinted: Number = Probability(0.5)
-    saturation: Number = (0.0, 0.25)
-    brightness: Number = (0.8, 1.0)
-    ink_hue: Number = (0.0, 1.0)
-    ink_matches: Number = Probability(0.65)
+    Strengths are absorbances in [0, 1] at the centre of a line, hues are turns of the colour wheel, angles
+    radians; `width_*` are line widths in mm, `phase_*` offsets of the ruling in mm, `*_cells` noise cells per
+    image.
+    """
+
+    hue: Value = interval(0.0, 1.0)
+    tinted: Value = probability(0.5)
+    saturation: Value = interval(0.0, 0.25)
+    brightness: Value = interval(0.8, 1.0)
+    ink_hue: Value = interval(0.0, 1.0)
+    ink_matches: Value = probability(0.65)
     """The ink has the sheet's own hue, as on most tinted paper."""
-    ink_saturation: Number = (0.25, 1.0)
-    ink_darkness: Number = (0.2, 0.75)
-    heavy_shift: Number = (-0.06, 0.06)
-    """Hue of the 5 and 10 mm lines against the 1 mm lines."""
-    heavy_darkness: Number = (0.8, 1.4)
-    strength_1mm: Number = (0.35, 1.0)
-    strength_5mm: Number = (0.1, 1.0)
-    strength_10mm: Number = (0.2, 1.0)
-    has_5mm: Number = Probability(0.72)
-    has_10mm: Number = Probability(0.72)
-    balance: Number = (0.75, 1.25)
-    """Strength of the lines along y against those along x."""
-    width_1mm: Number = (0.08, 0.3)
-    width_5mm: Number = (0.12, 0.4)
-    width_10mm: Number = (0.14, 0.55)
-    ink_spread_mm: Number = (0.02, 0.12)
+    ink_saturation: Value = interval(0.25, 1.0)
+    ink_darkness: Value = interval(0.2, 0.75)
+    heavy_shift: Value = interval(-0.06, 0.06)
+    """Hue of the 5 and 10 mm lines relative to that of the 1 mm lines."""
+    heavy_darkness: Value = interval(0.8, 1.4)
+    strength_1mm: Value = interval(0.35, 1.0)
+    strength_5mm: Value = interval(0.1, 1.0)
+    strength_10mm: Value = interval(0.2, 1.0)
+    has_5mm: Value = probability(0.72)
+    has_10mm: Value = probability(0.72)
+    balance: Value = interval(0.75, 1.25)
+    """Strength of the lines along y relative to those along x."""
+    width_1mm: Value = interval(0.08, 0.3)
+    width_5mm: Value = interval(0.12, 0.4)
+    width_10mm: Value = interval(0.14, 0.55)
+    ink_spread_mm: Value = interval(0.02, 0.12)
     """Standard deviation of the ink's edge: a large value leaves the paper's single sine."""
-    phase_x: Number = (0.0, 10.0)
-    phase_y: Number = (0.0, 10.0)
-    gradient_weight: Number = (0.0, 0.05)
-    gradient_cells: Number = (3, 14)
-    voronoi_weight: Number = (0.0, 0.03)
-    voronoi_cells: Number = (3, 8)
-    simple_weight: Number = (0.0, 0.035)
-    simple_cells: Number = (8, 26)
-    print_wear: Number = (0.0, 0.5)
-    """How far the ink's strength varies over the sheet."""
-    creased: Number = Probability(0.18)
-    crease_depth: Number = (0.03, 0.14)
-    crease_angle: Number = (-math.pi, math.pi)
-    crease_offset: Number = (-0.4, 0.4)
-    """Distance of the crease from the picture's centre, in fields of view."""
-    edged: Number = Probability(0.42)
-    """The sheet ends within or near the frame."""
-    left: Number = (2, 150)
-    right: Number = (2, 150)
-    top: Number = (2, 150)
-    bottom: Number = (2, 150)
-    """Room between the leaf's extent and each side of the sheet, mm."""
-    border_mm: Number = (-6, 10)
+    phase_x: Value = interval(0.0, 10.0)
+    phase_y: Value = interval(0.0, 10.0)
+    gradient_weight: Value = interval(0.0, 0.05)
+    gradient_cells: Value = interval(3, 14)
+    voronoi_weight: Value = interval(0.0, 0.03)
+    voronoi_cells: Value = interval(3, 8)
+    simple_weight: Value = interval(0.0, 0.035)
+    simple_cells: Value = interval(8, 26)
+    print_wear: Value = interval(0.0, 0.5)
+    """How much the strength of the ink varies over the sheet."""
+    creased: Value = probability(0.18)
+    crease_depth: Value = interval(0.03, 0.14)
+    crease_angle: Value = interval(-math.pi, math.pi)
+    crease_offset: Value = interval(-0.4, 0.4)
+    """Distance of the crease from the image centre, in fields of view."""
+    edged: Value = probability(0.42)
+    """The sheet ends within or near the image."""
+    left: Value = interval(2, 150)
+    right: Value = interval(2, 150)
+    top: Value = interval(2, 150)
+    bottom: Value = interval(2, 150)
+    """Distance from the leaf's bounding box to each side of the sheet, mm."""
+    border_mm: Value = interval(-6, 10)
     """Unprinted border; below zero the printing runs off the sheet."""

@@ -12,8 +12,9 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis.colour import hsv_to_rgb
-from laesi_tf.synthesis.geometry import ImageSize
+from laesi_tf.synthesis.geometry import ImageSize, pixel_centres_to_sheet
 from laesi_tf.synthesis.paper.params import PaperParams
+from laesi_tf.synthesis.ranges import Scalar
 
 PERIOD_MM = 10
 _PITCHES = (1, 5, 10)
@@ -27,35 +28,38 @@ _UNIT = 2**16 - 1
 
 
 def samples_per_mm(size: ImageSize) -> int:
-    """Resolution of the ruling's profiles: four samples a pixel at the closest view (70 mm across)."""
+    """Return the resolution of the line profiles: four samples per pixel at the closest view, 70 mm wide."""
     return max(10, math.ceil(4 * max(size) / 70))
 
 
-def line_profiles(paper: PaperParams, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
-    """Ink coverage of the 1, 5 and 10 mm families over one period: [3, PERIOD_MM * samples] in [0, 1].
+def compute_ruling_cells(paper: PaperParams[Scalar], to_px: tf.Tensor, size: ImageSize) -> tf.Tensor:
+    """Return which sample of the x and of the y profile lies under each pixel: int32 [2, H, W].
 
-    A sum of A_k sin(B_k x + phi) + D; A_k is the Fourier coefficient of a line of its width, times the
-    attenuation by ink spread (Gaussian) and by the pixel (sinc^2, the triangle filter that an antialiased
-    bilinear resize applies to photographs).
+    `to_px` [3, 3] maps sheet mm to pixels.
     """
-    position = (np.arange(PERIOD_MM * samples) + 0.5) / samples
-    sines = tf.constant(np.sin(2 * np.pi * _FREQUENCY[:, None] * position + np.pi / 2), tf.float32)
-    widths = tf.stack([paper.width_1mm, paper.width_5mm, paper.width_10mm])
-    share = widths / tf.constant(_PITCHES, tf.float32)
-    frequency = tf.constant(_FREQUENCY, tf.float32)
-    amplitude = (
-        tf.exp(-2 * (math.pi * paper.ink_spread_mm * frequency) ** 2) * _sinc(frequency * footprint_mm) ** 2
-    )
-    coefficients = 2 * share[:, None] * _sinc(widths[:, None] * frequency) * amplitude
-    return tf.clip_by_value((coefficients * tf.constant(_MEMBERSHIP)) @ sines + share[:, None], 0, 1)
+    return ruling_cells(paper, samples_per_mm(size), *pixel_centres_to_sheet(to_px, size))
 
 
-def pack_line_transmission(paper: PaperParams, samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
-    """Light that passes fine and heavy lines across x and down y over one period: int32 [2, n].
+def ruling_cells(paper: PaperParams[Scalar], samples: int, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
+    """Return which sample of the x and of the y profile lies at `x_mm` and `y_mm` [...]: int32 [2, ...]."""
+    cells = PERIOD_MM * samples
+    return tf.stack([_cell(x_mm + paper.phase_x, cells), _cell(y_mm + paper.phase_y, cells)])
 
-    A ruling is a product of lines along either axis, so two profiles hold all of it. Each number holds that
-    of the fine lines in its upper and that of the heavy lines in its lower 16 bits, in 65535ths: `ruling`
-    looks a pair up at once, since looking up costs more than all else that it does.
+
+def _cell(position_mm: tf.Tensor, cells: int) -> tf.Tensor:
+    """Return which of the `cells` of a period each position falls into."""
+    turns = position_mm * (1 / PERIOD_MM)
+    # Rounding can lift a position just below the period onto its end.
+    return tf.minimum(tf.cast((turns - tf.floor(turns)) * cells, tf.int32), cells - 1)
+
+
+def pack_line_transmission(paper: PaperParams[Scalar], samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
+    """Return the light that passes fine and heavy lines, across x and down y, over one period: int32 [2, n].
+
+    A ruling is a product of lines along either axis, so two profiles hold all of it. Each number holds the
+    transmission of the fine lines in its upper and of the heavy lines in its lower 16 bits, in 65535ths:
+    `look_up_line_coverage` then looks up both at once, since looking up costs more than all else that it
+    does.
     """
     profiles = line_profiles(paper, samples, footprint_mm)
     # Without a heavy family the sheet would be a plain 1 mm grid, which is not sold: keep one of the two.
@@ -69,48 +73,59 @@ def pack_line_transmission(paper: PaperParams, samples: int, footprint_mm: tf.Te
     return tf.bitwise.bitwise_or(tf.bitwise.left_shift(whole[0], 16), whole[1])
 
 
-def ruling_cells(paper: PaperParams, samples: int, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
-    """Which number of either profile of `transmission` lies at `x_mm`, `y_mm` [H, W]: int32 [2, H, W]."""
-    cells = PERIOD_MM * samples
-    return tf.stack([_cell(x_mm + paper.phase_x, cells), _cell(y_mm + paper.phase_y, cells)])
+def line_profiles(paper: PaperParams[Scalar], samples: int, footprint_mm: tf.Tensor) -> tf.Tensor:
+    """Return the ink coverage in [0, 1] of the 1, 5 and 10 mm families over one period: [3, n].
 
-
-def look_up_line_coverage(passing: tf.Tensor, where: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Coverage [H, W] by fine and by heavy lines of a sheet with `transmission` `passing` at its `places`."""
-    (fine_x, heavy_x), (fine_y, heavy_y) = (
-        _unpack_pair(tf.gather(passing[axis], where[axis])) for axis in range(2)
+    A sum of A_k sin(B_k x + phi) + D; A_k is the Fourier coefficient of a line of its width, times the
+    attenuation by ink spread (Gaussian) and by the pixel (sinc^2, the triangle filter that an antialiased
+    bilinear resize applies to photos). `samples` are per mm, n = PERIOD_MM * samples; `footprint_mm` is the
+    side of a pixel on the sheet.
+    """
+    position = (np.arange(PERIOD_MM * samples) + 0.5) / samples
+    sines = tf.constant(np.sin(2 * np.pi * _FREQUENCY[:, None] * position + np.pi / 2), tf.float32)
+    widths = tf.stack([paper.width_1mm, paper.width_5mm, paper.width_10mm])
+    share = widths / tf.constant(_PITCHES, tf.float32)
+    frequency = tf.constant(_FREQUENCY, tf.float32)
+    amplitude = (
+        tf.exp(-2 * (math.pi * paper.ink_spread_mm * frequency) ** 2) * _sinc(frequency * footprint_mm) ** 2
     )
-    return 1 - fine_x * fine_y, 1 - heavy_x * heavy_y
-
-
-def _unpack_pair(pair: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """The two numbers in [0, 1] that each int32 of `pair` holds."""
-    upper = tf.bitwise.bitwise_and(tf.bitwise.right_shift(pair, 16), _UNIT)
-    return tuple(tf.cast(half, tf.float32) / _UNIT for half in (upper, tf.bitwise.bitwise_and(pair, _UNIT)))
-
-
-def compute_ink_absorbance(paper: PaperParams, fine: tf.Tensor, heavy: tf.Tensor) -> tf.Tensor:
-    """What the inks of the fine and the heavy lines [H, W] take from red, green and blue: [3, H, W]."""
-    fine_ink, heavy_ink = ink_absorbances(paper)
-    return 1 - (1 - fine * fine_ink) * (1 - heavy * heavy_ink)
-
-
-def ink_absorbances(paper: PaperParams) -> tuple[tf.Tensor, tf.Tensor]:
-    """What the ink of the fine and of the heavy lines takes from red, green and blue: [3, 1, 1] each."""
-    hue = tf.where(paper.ink_matches & paper.tinted, paper.hue, paper.ink_hue)
-    value = 1 - paper.ink_darkness
-    fine = 1 - hsv_to_rgb(hue, paper.ink_saturation) * value
-    heavy = 1 - hsv_to_rgb(hue + paper.heavy_shift, paper.ink_saturation) * value
-    return fine[:, None, None], tf.minimum(heavy * paper.heavy_darkness, 1)[:, None, None]
-
-
-def _cell(position_mm: tf.Tensor, cells: int) -> tf.Tensor:
-    """Which of the `cells` of a period each position falls into."""
-    turns = position_mm * (1 / PERIOD_MM)
-    # Rounding can lift a position just short of the period onto its end.
-    return tf.minimum(tf.cast((turns - tf.floor(turns)) * cells, tf.int32), cells - 1)
+    coefficients = 2 * share[:, None] * _sinc(widths[:, None] * frequency) * amplitude
+    return tf.clip_by_value((coefficients * tf.constant(_MEMBERSHIP)) @ sines + share[:, None], 0, 1)
 
 
 def _sinc(x: tf.Tensor) -> tf.Tensor:
     angle = math.pi * x
     return tf.where(angle == 0, 1.0, tf.math.divide_no_nan(tf.sin(angle), angle))
+
+
+def look_up_line_coverage(transmission: tf.Tensor, cells: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the coverage [H, W] by fine and by heavy lines.
+
+    `transmission` comes from `pack_line_transmission`, `cells` [2, H, W] from `compute_ruling_cells`.
+    """
+    (fine_x, heavy_x), (fine_y, heavy_y) = (
+        _unpack_pair(tf.gather(transmission[axis], cells[axis])) for axis in range(2)
+    )
+    return 1 - fine_x * fine_y, 1 - heavy_x * heavy_y
+
+
+def _unpack_pair(pair: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the two numbers in [0, 1] that each int32 of `pair` holds."""
+    upper = tf.bitwise.bitwise_and(tf.bitwise.right_shift(pair, 16), _UNIT)
+    lower = tf.bitwise.bitwise_and(pair, _UNIT)
+    return tf.cast(upper, tf.float32) / _UNIT, tf.cast(lower, tf.float32) / _UNIT
+
+
+def compute_ink_absorbance(paper: PaperParams[Scalar], fine: tf.Tensor, heavy: tf.Tensor) -> tf.Tensor:
+    """Return what the inks absorb, [3, H, W], where fine and heavy lines cover `fine` and `heavy` [H, W]."""
+    fine_ink, heavy_ink = ink_absorbances(paper)
+    return 1 - (1 - fine * fine_ink) * (1 - heavy * heavy_ink)
+
+
+def ink_absorbances(paper: PaperParams[Scalar]) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return what the ink of fine and of heavy lines absorbs of red, green and blue: [3, 1, 1] each."""
+    hue = tf.where(paper.ink_matches & paper.tinted, paper.hue, paper.ink_hue)
+    value = 1 - paper.ink_darkness
+    fine = 1 - hsv_to_rgb(hue, paper.ink_saturation) * value
+    heavy = 1 - hsv_to_rgb(hue + paper.heavy_shift, paper.ink_saturation) * value
+    return fine[:, None, None], tf.minimum(heavy * paper.heavy_darkness, 1)[:, None, None]

@@ -1,67 +1,132 @@
-"""The sheet: its colour, noise and wear, crease and edges (paper, section 3.1)."""
+"""The sheet and the desk: colour, noise and wear, crease, ruling and edges (paper, section 3.1)."""
 
 from typing import NamedTuple
 
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.camera.view import CameraView
 from laesi_tf.synthesis.colour import hsv_to_rgb
-from laesi_tf.synthesis.geometry import ImageSize
+from laesi_tf.synthesis.geometry import ImageSize, pixel_centres_to_sheet
+from laesi_tf.synthesis.paper import ruling
+from laesi_tf.synthesis.paper.desk import DeskParams, desk_grain, paint_desk
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
+from laesi_tf.synthesis.ranges import Scalar
 
 _GRADIENT_NODES = 16
 _SIMPLE_NODES = 30
 
 
-def sheet_colour(paper: PaperParams) -> tf.Tensor:
-    """Base colour of the sheet [3, 1, 1] in [0, 1]."""
-    saturation = paper.saturation * tf.cast(paper.tinted, tf.float32) + 0.02
-    return hsv_to_rgb(paper.hue, saturation)[:, None, None] * paper.brightness
-
-
 class SheetNoiseGrids(NamedTuple):
-    """Uniform numbers behind a sheet's wear: `gradients`, `values` (of the blend, of the ink) and Voronoi
-    `jitter`, each [2, n, n]."""
+    """Uniform numbers from which a sheet's noise is interpolated, each [2, n, n].
+
+    `gradients`, `values` (first those of the blend, then those of the ink), and Voronoi `jitter`.
+    """
 
     gradients: tf.Tensor
     values: tf.Tensor
     jitter: tf.Tensor
 
 
-def sample_sheet_noise_grids(key: RandomStreams) -> SheetNoiseGrids:
-    """The numbers of one sheet's `wear`."""
+def sample_sheet_noise_grids(streams: RandomStreams) -> SheetNoiseGrids:
+    """Sample the numbers of one sheet's `paper_noise`."""
     return SheetNoiseGrids(
-        gradients=key.uniform([2, _GRADIENT_NODES, _GRADIENT_NODES], Stream.PAPER_GRADIENT),
-        values=key.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Stream.PAPER),
-        jitter=key.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Stream.PAPER_VORONOI),
+        gradients=streams.uniform([2, _GRADIENT_NODES, _GRADIENT_NODES], Stream.PAPER_GRADIENT),
+        values=streams.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Stream.PAPER),
+        jitter=streams.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Stream.PAPER_VORONOI),
     )
 
 
-def paper_noise(paper: PaperParams, drawn: SheetNoiseGrids, size: ImageSize) -> tuple[tf.Tensor, tf.Tensor]:
-    """The blended noise L of the paper's section 3.1, and the ink's relative strength: both [H, W]."""
+def paint_sheet_and_desk(
+    paper: PaperParams[Scalar],
+    sheet_grids: SheetNoiseGrids,
+    desk: DeskParams[Scalar],
+    desk_grid: tf.Tensor,
+    leaf_box: tf.Tensor,
+    view: CameraView,
+    ruling_cells: tf.Tensor | None,
+    size: ImageSize,
+    components: tuple[str, ...],
+) -> tf.Tensor:
+    """Paint the sheet, and the desk where the sheet ends: [3, H, W].
+
+    `leaf_box` [2, 2] holds opposite corners of the leaf's bounding box in sheet mm; `ruling_cells` int32 [2,
+    H, W] come from `compute_ruling_cells`, None without a ruling.
+    """
+    shade, ink_strength, coverage = tf.ones(size), None, None
+    if "paper_noise" in components:
+        blend, ink_strength = paper_noise(paper, sheet_grids, size)
+        shade += blend
+    if "crease" in components:
+        shade = tf.cond(
+            paper.creased,
+            lambda: shade + crease_shading(paper, *pixel_centres_to_sheet(view.to_px, size), view.fov_mm),
+            lambda: shade,
+        )
+    if ruling_cells is not None:
+        transmission = ruling.pack_line_transmission(paper, ruling.samples_per_mm(size), 1 / view.px_per_mm)
+        coverage = ruling.look_up_line_coverage(transmission, ruling_cells)
+
+    def ink() -> tf.Tensor | float:
+        if coverage is None:
+            return 0.0
+        absorbance = ruling.compute_ink_absorbance(paper, *coverage)
+        return absorbance if ink_strength is None else absorbance * ink_strength
+
+    def sheet_everywhere() -> tf.Tensor:
+        return sheet_colour(paper) * shade * (1 - ink())
+
+    def sheet_on_desk() -> tf.Tensor:
+        distance_mm = distance_to_sheet_edge(paper, leaf_box, *pixel_centres_to_sheet(view.to_px, size))
+        is_printed = tf.clip_by_value((distance_mm - paper.border_mm) * view.px_per_mm + 0.5, 0, 1)
+        is_sheet = tf.clip_by_value(distance_mm * view.px_per_mm + 0.5, 0, 1)
+        table = paint_desk(desk, desk_grain(desk, desk_grid, size), distance_mm)
+        return table + is_sheet * (sheet_colour(paper) * shade * (1 - is_printed * ink()) - table)
+
+    return (
+        tf.cond(paper.edged, sheet_on_desk, sheet_everywhere) if "desk" in components else sheet_everywhere()
+    )
+
+
+def paper_noise(
+    paper: PaperParams[Scalar], grids: SheetNoiseGrids, size: ImageSize
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the blended noise L of the paper's section 3.1, and the relative strength of the ink: both [H,
+    W]."""
     fields = (
-        noise.gradient_noise(drawn.gradients * 2 - 1, size, cells=paper.gradient_cells),
-        noise.voronoi_noise(drawn.jitter, size, cells=paper.voronoi_cells),
-        noise.simple_noise(drawn.values[0], size, cells=paper.simple_cells),
+        noise.gradient_noise(grids.gradients * 2 - 1, size, cells=paper.gradient_cells),
+        noise.voronoi_noise(grids.jitter, size, cells=paper.voronoi_cells),
+        noise.simple_noise(grids.values[0], size, cells=paper.simple_cells),
     )
     weights = (paper.gradient_weight, paper.voronoi_weight, paper.simple_weight)
-    strength = noise.interpolate_grid(drawn.values[1], size, cells=paper.simple_cells)
-    return noise.blend_noises(weights, fields).field, 1 - paper.print_wear * strength.field
+    wear = noise.interpolate_grid(grids.values[1], size, cells=paper.simple_cells)
+    return noise.blend_noises(weights, fields).values, 1 - paper.print_wear * wear.values
 
 
-def crease_shading(paper: PaperParams, x_mm: tf.Tensor, y_mm: tf.Tensor, fov_mm: tf.Tensor) -> tf.Tensor:
-    """Relief shading [H, W] of a fold across the sheet: one flank lit, the other in shade."""
+def crease_shading(
+    paper: PaperParams[Scalar], x_mm: tf.Tensor, y_mm: tf.Tensor, fov_mm: tf.Tensor
+) -> tf.Tensor:
+    """Return the relief shading [H, W] of a fold across the sheet: one flank brighter, the other darker."""
     cosine, sine = tf.cos(paper.crease_angle), tf.sin(paper.crease_angle)
     distance = (x_mm * cosine + (y_mm * sine - paper.crease_offset * fov_mm)) / 1.2
     return paper.crease_depth * 2 * distance * tf.exp(-distance * distance)
 
 
+def sheet_colour(paper: PaperParams[Scalar]) -> tf.Tensor:
+    """Return the base colour of the sheet, [3, 1, 1] in [0, 1]."""
+    saturation = paper.saturation * tf.cast(paper.tinted, tf.float32) + 0.02
+    return hsv_to_rgb(paper.hue, saturation)[:, None, None] * paper.brightness
+
+
 def distance_to_sheet_edge(
-    paper: PaperParams, leaf: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor
+    paper: PaperParams[Scalar], leaf_box: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor
 ) -> tf.Tensor:
-    """Distance [H, W] in mm from the nearest side of the sheet that holds `leaf` [n, 2]; negative off it."""
-    low = tf.reduce_min(leaf, axis=0) - tf.stack([paper.left, paper.top])
-    high = tf.reduce_max(leaf, axis=0) + tf.stack([paper.right, paper.bottom])
+    """Return the distance [H, W] in mm to the nearest side of the sheet; negative off the sheet.
+
+    The sheet surrounds the points `leaf_box` [n, 2]; all positions are in sheet mm.
+    """
+    low = tf.reduce_min(leaf_box, axis=0) - tf.stack([paper.left, paper.top])
+    high = tf.reduce_max(leaf_box, axis=0) + tf.stack([paper.right, paper.bottom])
     middle, half = (low + high) / 2, (high - low) / 2
     return tf.minimum(half[0] - tf.abs(x_mm - middle[0]), half[1] - tf.abs(y_mm - middle[1]))

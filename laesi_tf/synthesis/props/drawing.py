@@ -1,106 +1,79 @@
-"""Draw props into an image, from flat to high (paper, "Scene Composition")."""
+"""Draw a prop into an image, within the window that it covers."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis import geometry, polygons, rasterizer
-from laesi_tf.synthesis.geometry import ImageSize
-from laesi_tf.synthesis.props.calibration_square import make_calibration_square
-from laesi_tf.synthesis.props.coin import make_coin
-from laesi_tf.synthesis.props.fragment import make_fragment
-from laesi_tf.synthesis.props.handwriting import make_handwriting
-from laesi_tf.synthesis.props.label import make_label
+from laesi_tf.synthesis import rasterizer
+from laesi_tf.synthesis.geometry import ImageSize, project_points
+from laesi_tf.synthesis.polygons import polygon_edges, resample_polygon
 from laesi_tf.synthesis.props.params import PropsParams
-from laesi_tf.synthesis.props.pen import make_pen
 from laesi_tf.synthesis.props.placement import PropContext, PropShape
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
+from laesi_tf.synthesis.props.registry import PROPS
+from laesi_tf.synthesis.ranges import Scalar
 from laesi_tf.synthesis.windows import Window, window_around
-from laesi_tf.synthesis.xla import compile_with_xla
 
 
 class PropRaster(NamedTuple):
-    """The k items of a prop in the picture, the lowest first: the window around them, what their edges leave
-    in it, each item in its own layer, and their colours [k, 3, 1, 1] and opacities [k]."""
+    """The k shapes of a prop in the image, the lowest first.
 
-    around: Window
-    left: rasterizer.EdgeContributions
+    `window` covers all of them, `contributions` are those of their edges, each shape in its own layer,
+    `colours` are [k, 3, 1, 1] and `opacities` [k].
+    """
+
+    window: Window
+    contributions: rasterizer.EdgeContributions
     colours: tf.Tensor
     opacities: tf.Tensor
 
 
-def _rasterise_prop(name: str, props: PropsParams, stage: PropContext, random: tf.Tensor) -> PropRaster:
-    """Prop `name` in a picture of the stage's size."""
-    # Compiling takes half a second a prop: sizes that share a power of two share what is compiled.
-    side = max(256, 2 ** math.ceil(math.log2(max(stage.size))))
-    frame = tf.constant(stage.size[::-1], tf.float32)
-    return _rasterise_within(name, props, stage._replace(size=(side, side), frame=frame), random)
+def round_up_side(size: ImageSize) -> int:
+    """Return the side for which props of an image of `size` are compiled: a power of two, at least 256.
+
+    Compiling takes half a second per prop; sizes that share a power of two share it.
+    """
+    return max(256, 1 << math.ceil(math.log2(max(size))))
 
 
-@compile_with_xla
-def _rasterise_within(name: str, props: PropsParams, stage: PropContext, random: tf.Tensor) -> PropRaster:
-    """`_drawn`, compiled for the stage's size."""
-    items = PROPS[name](props, stage, random)
-    edges = [_prop_edges(item, stage) for item in items]
-    layers = np.repeat(np.arange(len(items), dtype=np.int32), [polygon.shape[0] for polygon in edges])
+def rasterise_prop(
+    name: str, props: PropsParams[Scalar], context: PropContext, numbers: tf.Tensor, max_side: int
+) -> PropRaster:
+    """Place prop `name` and compute the contributions of its edges.
+
+    `numbers` [n] are uniform in [0, 1); `max_side` bounds the image's sides in pixels.
+    """
+    shapes = PROPS[name](props, context, numbers)
+    edges = [_shape_edges(shape, context, max_side) for shape in shapes]
+    layers = np.repeat(np.arange(len(shapes), dtype=np.int32), [polygon.shape[0] for polygon in edges])
     together = tf.concat(edges, axis=0)
     corners = together[:, 0]
-    around = window_around(tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0) + 1, stage.frame)
+    window = window_around(
+        tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0) + 1, context.image_wh
+    )
     return PropRaster(
-        around=around,
-        left=rasterizer.edge_contributions(together - around.corner, around.size, layers=tf.constant(layers)),
-        colours=tf.stack([item.colour for item in items]),
-        opacities=tf.stack([item.opacity for item in items]),
+        window=window,
+        contributions=rasterizer.edge_contributions(
+            together - window.corner, window.size, layers=tf.constant(layers)
+        ),
+        colours=tf.stack([shape.colour for shape in shapes]),
+        opacities=tf.stack([shape.opacity for shape in shapes]),
     )
 
 
-def _prop_edges(item: PropShape, stage: PropContext) -> tf.Tensor:
-    """Edges of `item` in pixels, short enough to be filled in a picture of the stage's size."""
-    count = math.ceil(item.perimeter_mm * max(stage.size) / 70)
-    return polygons.polygon_edges(
-        polygons.resample_polygon(geometry.project_points(stage.view.to_px, item.points), count)
-    )
+def _shape_edges(shape: PropShape, context: PropContext, max_side: int) -> tf.Tensor:
+    """Return the edges [n, 2 ends, 2] of `shape` in pixels, short enough for the rasterizer."""
+    count = math.ceil(shape.max_perimeter_mm * max_side / 70)
+    return polygon_edges(resample_polygon(project_points(context.to_px, shape.points), count))
 
 
-def _composite_prop(image: tf.Tensor, drawn: PropRaster, size: ImageSize) -> tf.Tensor:
-    """Lay a prop over [3, H, W], within the window that it covers."""
-    around, count = drawn.around, drawn.colours.shape[0]
-    heights = rasterizer.sum_contributions(drawn.left, around.size, layers=count)
-    covers = rasterizer.union_coverage(rasterizer.integrate_coverage(heights, around.size, layers=count))
-    before = part = around.cut(image)
+def composite_prop(image: tf.Tensor, raster: PropRaster, size: ImageSize) -> tf.Tensor:
+    """Composite a prop over [3, H, W]."""
+    window, count = raster.window, raster.colours.shape[0]
+    sums = rasterizer.sum_contributions(raster.contributions, window.size, layers=count)
+    coverage = rasterizer.union_coverage(rasterizer.integrate_coverage(sums, window.size, layers=count))
+    before = crop = window.crop(image)
     for layer in range(count):
-        part += drawn.opacities[layer] * covers[layer] * (drawn.colours[layer] - part)
-    return image + around.paste(part - before, size)
-
-
-PROPS: dict[str, Callable[[PropsParams, PropContext, tf.Tensor], list[PropShape]]] = {
-    "handwriting": make_handwriting,
-    "fragment": make_fragment,
-    "label": make_label,
-    "coin": make_coin,
-    "pen": make_pen,
-    "calibration": make_calibration_square,
-}
-"""From flat to high, the order in which they are laid down, but for the square, which nothing may hide; each
-is present by the number of its name and returns its items, the lowest first. New ones go to the end: the
-random numbers of those before them then stay what they were."""
-
-
-def draw_props(
-    image: tf.Tensor, props: PropsParams, stage: PropContext, key: RandomStreams, names: list[str]
-) -> tf.Tensor:
-    """Lay the props in `names` that the scene has onto [3, H, W]."""
-    random = key.uniform([len(PROPS), 80], Stream.PROPS)
-    for row, name in enumerate(PROPS):
-        if name in names:
-            image = tf.cond(
-                getattr(props, name),
-                lambda image=image, name=name, row=row: _composite_prop(
-                    image, _rasterise_prop(name, props, stage, random[row]), stage.size
-                ),
-                lambda image=image: image,
-            )
-    return image
+        crop += raster.opacities[layer] * coverage[layer] * (raster.colours[layer] - crop)
+    return image + window.pad_to_image(crop - before, size)

@@ -83,7 +83,7 @@ def test_pixels_of_any_star_against_supersampling(seed: int, spikes: int) -> Non
 
 @FAST
 @given(x=st.floats(-60, 180), y=st.floats(-60, 140))
-def test_what_lies_outside_is_cut_off(x: float, y: float) -> None:
+def test_parts_outside_of_the_image_are_clipped(x: float, y: float) -> None:
     points = ellipse((x, y), (30, 22), count=90)
     everything = filled(points + np.float32(100), size=(320, 360))
     # What crosses the right border is moved a thousandth of a pixel inwards.
@@ -97,6 +97,11 @@ def test_union_of_overlapping_shapes_covers_once() -> None:
     ).numpy()
     lens = 2 * 20**2 * math.acos(12 / 40) - 6 * math.sqrt(4 * 20**2 - 12**2)
     assert cover.max() <= 1 and cover.sum() == pytest.approx(2 * math.pi * 400 - lens, rel=2e-3)
+
+
+def test_union_is_bounded_where_loops_overlap() -> None:
+    cover = rasterizer.union_coverage(tf.constant([[-2.0, -0.4, 0.0, 3.0]]))
+    np.testing.assert_allclose(cover, [[1, 0.4, 0, 1]])
 
 
 def test_area_has_the_sign_of_the_turn() -> None:
