@@ -14,11 +14,10 @@ import numpy as np
 import tensorflow as tf
 from scenes import complete
 
-from laesi_tf.synthesis import load_ranges, synthesise
+from laesi_tf.synthesis import Ranges, load_ranges, synthesise
 
 FILE = Path(__file__).parent / "golden" / "scenes.npz"
 SEED = 20240617
-SHAPES = ((96, 96), (128, 96))
 _LEVELS = 16
 _BLOCK = 8
 
@@ -34,15 +33,20 @@ class Summary:
 
 
 def render() -> Iterator[tuple[str, Summary]]:
-    """Render each golden scene: both presets, two image shapes, with chance components and with all."""
+    """Render the golden scenes: both presets as drawn and with all components, and an oblong image.
+
+    Each variant and shape is compiled anew, so there are three.
+    """
     for preset in ("rendering_1", "rendering_2"):
         ranges = load_ranges(preset).with_passes(1)
-        for variant, chosen in (("drawn", ranges), ("complete", complete(ranges))):
-            for size in SHAPES:
-                # Complete scenes resemble each other: one of each shape suffices.
-                for index in range(2 if variant == "drawn" else 1):
-                    sample = synthesise(SEED, size=size, ranges=chosen, index=index)
-                    yield f"{preset}-{variant}-{size[0]}x{size[1]}-{index}", summarise(sample)
+        yield from _render(f"{preset}-drawn", ranges, (96, 96), 3)
+        yield from _render(f"{preset}-complete", complete(ranges), (96, 96), 2)
+    yield from _render("rendering_2-oblong", ranges, (128, 96), 2)
+
+
+def _render(name: str, ranges: Ranges, size: tuple[int, int], count: int) -> Iterator[tuple[str, Summary]]:
+    for index in range(count):
+        yield f"{name}-{index}", summarise(synthesise(SEED, size=size, ranges=ranges, index=index))
 
 
 def summarise(sample: dict[str, tf.Tensor]) -> Summary:
