@@ -15,9 +15,9 @@ if os.environ.get("CI"):
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile scenes quickly and once for all workers and the commands that tests start: it is most of the work.
+    """Compile scenes quickly, and once for all workers and commands: compiling is most of the work.
 
-    Two scenes of 96 px cost 46 s of CPU to compile as a user's machine does it, 27 s without LLVM's optimisations
+    Two scenes of 96 px take 46 s of CPU to compile by default, 27 s without the optimisations of LLVM
     and 13 s from the cache, with the same bytes. TensorFlow reads these variables when it is imported; it
     logs each load from the cache as an error.
     """
