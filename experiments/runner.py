@@ -96,7 +96,7 @@ class ExperimentRunner:
             splits["val"], task=task, size=side, batch_size=settings.batch_size
         )
         result = fit(
-            settings, self.out / trial.folder, validation=judged, validated_on="the validation photos"
+            settings, self.out / trial.folder, validation=judged, validation_name="the validation photos"
         )
         estimator = _make_estimator(load_run(result.path))
         found: dict[str, Any] = {

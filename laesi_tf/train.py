@@ -1,55 +1,66 @@
 """Train MobileNetV3 on live synthetic scenes: to measure leaf area (--task area) or outline leaves (mask).
 
 A flag wins over the same key in --config. Run the same command again to continue a run that was stopped.
+--weights RUN starts from the network of another run.
 """
 
-from collections.abc import Sequence
+import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
+from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.run_files import REPORT_FILE
+from laesi_tf.common.schema import add_option_arguments
 from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.config_files import add_config_arguments, config_from_dict, load_config
-from laesi_tf.training.loop import TrainingResult, fit
+from laesi_tf.training.config_files import config_from_dict, load_config
+from laesi_tf.training.tasks import TASKS
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Parse, train, tell."""
-    command = make_parser("train", __doc__)
-    command.add_argument(
-        "--config", type=Path, metavar="FILE", help="TOML file of the keys below, underscored"
+    """Run the command. Raises InputError."""
+    given = vars(_make_parser().parse_args(arguments))
+    path, out, json_path, data_service = (
+        given.pop(name) for name in ("config", "out", "json", "data_service")
     )
-    command.add_argument("--out", type=Path, metavar="RUN", help="the run's folder (default: runs/TASK)")
-    command.add_argument(
-        "--data-service", default="", metavar="HOST:PORT", help="have scenes made by laesi_tf.serve there"
-    )
-    add_config_arguments(command)
-    given = vars(command.parse_args(arguments))
-    path, out, figures, service = (given.pop(name) for name in ("config", "out", "json", "data_service"))
     config = load_config(path, **given) if path else config_from_dict(given)
-    if figures:
-        require_writable(figures)
-    result = fit(config, out or Path("runs") / config.task, data_service=service)
-    print(_summary(result, config))
-    if figures:
-        write_json(figures, result.metrics)
+    load_tensorflow()
+    from laesi_tf.training.loop import fit
+
+    result = fit(config, out or Path("runs") / config.task, data_service=data_service)
+    print(_format_summary(result.metrics, config, result.path))
+    if json_path:
+        write_json(json_path, result.metrics)
 
 
-def _summary(result: TrainingResult, config: TrainConfig) -> str:
-    told = result.metrics
-    score = (
-        f"MRE {told['mre']:.2f} %, median {told['median']:.2f} %, 90th percentile {told['p90']:.2f} %"
-        if config.task == "area"
-        else f"mIoU {told['miou']:.4f}, MPE {told['mpe']:.4f}"
+def _make_parser() -> argparse.ArgumentParser:
+    parser = make_parser("train", __doc__)
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="TOML file of the keys below, with underscores"
     )
+    parser.add_argument("--out", type=Path, metavar="RUN", help="the run directory (default: runs/TASK)")
+    parser.add_argument(
+        "--data-service",
+        default="",
+        metavar="HOST:PORT",
+        help="render scenes on other machines with the laesi_tf.serve that listens there",
+    )
+    add_option_arguments(parser, TrainConfig)
+    return parser
+
+
+def _format_summary(metrics: Mapping[str, Any], config: TrainConfig, path: Path) -> str:
+    images_per_s = metrics["images_per_s"] or float("nan")
     return "\n".join(
         [
-            f"{config.task}, MobileNetV3 {config.backbone}, from {told['weights_origin']}",
-            f"{score} on {told['n']} fresh scenes, best at step {told['best_step']} of {told['steps']}",
-            f"{told['minutes']:.1f} minutes at {told['images_per_s'] or float('nan'):.0f} images/s",
-            f"model and report: {result.path / REPORT_FILE}",
+            f"{config.task}, MobileNetV3 {config.backbone}, from {metrics['weights_origin']}",
+            f"{TASKS[config.task](config).summary(metrics)} on {metrics['n']} validation images, "
+            f"best at step {metrics['best_step']} of {metrics['steps']}",
+            f"{metrics['minutes']:.1f} minutes at {images_per_s:.0f} images/s",
+            f"network and report: {path / REPORT_FILE}",
         ]
     )
 

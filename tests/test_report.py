@@ -5,63 +5,71 @@ import cv2
 import numpy as np
 import pytest
 
-from laesi_tf.reporting import run_report
-from laesi_tf.training.config import TrainConfig
+from laesi_tf.reporting.run_charts import plot_learning_curves, plot_predicted_against_true
+from laesi_tf.reporting.run_report import RunReport, ValidationImage, write_report
+from laesi_tf.training.run_summary import select_best_and_worst
 
-AREA = {"mre": 4.2, "median": 3.1, "p90": 9.9, "n": 3, "weights_origin": "<none>", "images_per_s": 61.0}
-MASK = {"miou": 0.912, "mpe": 0.05, "n": 3, "weights_origin": "none", "images_per_s": float("nan")}
+METRICS = {"mre": 4.2, "n": 3, "weights_origin": "<none>", "images_per_s": float("nan"), "task": "area"}
 HISTORY = [
     {"step": step, "minutes": step / 9, "train_loss": 1 / step, "val_loss": 2 / step, "val_mre": 90 / step}
     for step in (1, 2, 3)
 ]
-FOUND = {"predicted": np.array([9.0, 20.0, 33.0]), "true": np.array([10.0, 20.0, 30.0])}
 
 
-def pictures_of(page):
+def embedded_images(page):
     return [
         cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1].astype(int)
         for data in re.findall(r"data:image/jpeg;base64,([^']+)", page)
     ]
 
 
-def grey(masks=None, **figures):
-    return run_report.ValidationImage(np.full((48, 64, 3), 128, np.uint8), figures, masks)
+def grey_image(caption="", masks=None):
+    return ValidationImage(np.full((48, 64, 3), 128, np.uint8), caption, masks)
 
 
-def test_the_report_of_areas_stands_alone(tmp_path):
-    pictures = [grey(predicted=20.0, true=20.0), grey(predicted=9.0, true=10.0)]
-    run_report.write_report(tmp_path, TrainConfig(), AREA, HISTORY, FOUND, pictures)
-    page = (tmp_path / "report.html").read_text()
+def written_page(folder, **changes):
+    content = {
+        "title": "Leaf area, run <mine>",
+        "headline": "On scenes the area is off by 4.2 %.",
+        "metrics": METRICS,
+        "metric_labels": {"mre": "MRE (%)"},
+        "history": HISTORY,
+        "main_metric": "mre",
+        "charts": [],
+        "best": [],
+        "worst": [],
+        "config": {"size": (224, 224)},
+    }
+    write_report(folder, RunReport(**content | changes))
+    return (folder / "report.html").read_text()
+
+
+def test_the_report_is_one_self_contained_file(tmp_path):
+    chart = plot_predicted_against_true(np.array([9.0, 20.0, 33.0]), np.array([10.0, 20.0, 30.0]))
+    page = written_page(
+        tmp_path, charts=[("Areas", chart)], best=[grey_image("good")], worst=[grey_image("bad")]
+    )
     assert not re.search(r"https?://|src='(?!data:)|<link|<script", page)
     assert page.count("data:image/png") == 2
-    assert "On fresh synthetic pictures the area is off by 4.2 % on average" in page
-    assert "Real photos differ" in page
-    assert "&lt;none&gt;" in page
-    assert "9.0 cm² for 10.0 cm²: -10.0 %" in page
-    assert page.index("+0.0 %") < page.index("Worst pictures") < page.index("-10.0 %")
-    assert [shown.shape for shown in pictures_of(page)] == [(144, 192, 3)] * 2
+    assert "On scenes the area is off by 4.2 %." in page
+    assert "run &lt;mine&gt;" in page and "&lt;none&gt;" in page
+    assert "224 × 224" in page
+    assert page.index("good") < page.index("Worst images") < page.index("bad")
+    assert [image.shape for image in embedded_images(page)] == [(144, 192, 3)] * 2
+
+
+def test_learning_curves_are_shown_once():
+    figure = plot_learning_curves(HISTORY, "val_mre", "MRE (%)")
+    lines = [line.get_ydata().tolist() for axes in figure.axes for line in axes.get_lines()]
+    assert lines == [[row[name] for row in HISTORY] for name in ("train_loss", "val_loss", "val_mre")]
+    figure.canvas.draw()  # the axis of minutes can be drawn
 
 
 def test_the_report_of_masks_draws_both_outlines(tmp_path):
     true, predicted = np.zeros((2, 48, 64), bool)
     true[8:40, 8:24], predicted[8:40, 40:56] = True, True
-    history = [row | {"val_miou": 0.5} for row in HISTORY]
-    for row in history:
-        del row["val_mre"]
-    run_report.write_report(
-        tmp_path,
-        TrainConfig(task="mask"),
-        MASK,
-        history,
-        {},
-        [grey((predicted, true), iou=0.0)] * 2,
-        validated_on="photos",
-    )
-    page = (tmp_path / "report.html").read_text()
-    assert "On photos true and predicted leaf overlap by 0.912" in page and "differ:" not in page
-    assert "overlap (IoU) 0.000" in page
-    assert page.count("data:image/png") == 1
-    shown = pictures_of(page)[0]
+    page = written_page(tmp_path, best=[grey_image(masks=(predicted, true))])
+    shown = embedded_images(page)[0]
     rows = shown[60:90].mean(axis=0)
     redness, blueness = rows[:, 0] - rows[:, 1], rows[:, 2] - rows[:, 0]
     assert set(np.flatnonzero(blueness > 60) // 3) <= {7, 8, 23, 24}  # the true mask's sides
@@ -73,7 +81,7 @@ def test_the_report_of_masks_draws_both_outlines(tmp_path):
 @pytest.mark.parametrize(("count", "expected"), [(1, 0), (3, 2), (16, 16), (100, 16)])
 def test_the_best_and_the_worst_are_shown_once(count, expected):
     errors = np.random.default_rng(count).permutation(count).astype(float)
-    chosen = run_report.select_best_and_worst(errors)
+    chosen = select_best_and_worst(errors)
     assert len(set(chosen)) == len(chosen) == expected
     shown = errors[chosen]
     half = expected // 2

@@ -63,7 +63,7 @@ def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
         ('backbone = "smal"', "unknown backbone 'smal', did you mean 'small'"),
         ("alpha = 99", "alpha 99 is not a number"),
         ('size = "64"', "is not \\[height, width\\]"),
-        ("task = 3", "unknown task 3; choose area or mask"),
+        ("task = 3", "task = 3 must be area or mask"),
     ],
 )
 def test_configurations_of_no_network_are_refused(tmp_path: Path, line: str, message: str) -> None:

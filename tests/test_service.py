@@ -110,7 +110,7 @@ def assert_same(expected: tf_data_service.Batch, found: tf_data_service.Batch) -
 def test_where_nobody_serves_is_said_at_once(tmp_path: Path) -> None:
     begun = time.monotonic()
     with pytest.raises(InputError, match=r"no data service answers at localhost:1 .*laesi_tf\.serve"):
-        fit(CONFIG, tmp_path / "run", data_service="localhost:1", show=False)
+        fit(CONFIG, tmp_path / "run", data_service="localhost:1", show_progress=False)
     assert time.monotonic() - begun < 60
     with pytest.raises(InputError, match="HOST:PORT"):
         tf_data_service.receive_batches(lambda places: places, "somewhere", batch_size=2, start=0)
@@ -121,6 +121,6 @@ def test_a_mixture_is_not_made_elsewhere_nor_lit_several_times(tmp_path: Path) -
     mixture.write_text('[only]\nkind = "live"\nweight = 1.0\n')
     mixed = replace(CONFIG, mixture=str(mixture))
     with pytest.raises(InputError, match="--data-service or --mixture"):
-        fit(mixed, tmp_path / "run", data_service="localhost:1", show=False)
+        fit(mixed, tmp_path / "run", data_service="localhost:1", show_progress=False)
     with pytest.raises(InputError, match="--lighting-passes or --mixture"):
-        fit(replace(mixed, lighting_passes=2), tmp_path / "lit", show=False)
+        fit(replace(mixed, lighting_passes=2), tmp_path / "lit", show_progress=False)

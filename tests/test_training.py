@@ -17,9 +17,10 @@ from laesi_tf.common import run_files, schema
 from laesi_tf.common.errors import InputError
 from laesi_tf.models.backbone import build_backbone
 from laesi_tf.models.saved_model import load_run
-from laesi_tf.training import config_files, loop, run_directory, trainer
+from laesi_tf.training import config_files, loop, run_directory
 from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.trainer import Trainer
+from laesi_tf.training.initialisation import initialise_network
+from laesi_tf.training.trainer import Trainer, TrainingDiverged
 
 SIZE, BATCH = 32, 8
 HERE = Path(__file__).parent
@@ -39,7 +40,7 @@ def stream(config, **options):
 def fit(config, out, **options):
     validation = stream(config, count=24)(10**6)
     return loop.fit(
-        config, out, **{"train": stream(config), "validation": validation, "show": False} | options
+        config, out, **{"train": stream(config), "validation": validation, "show_progress": False} | options
     )
 
 
@@ -158,7 +159,7 @@ def test_another_configuration_is_refused_by_name(whole):
 
 def test_folders_that_are_not_runs_are_left_alone(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match="neither empty nor a run"):
+    with pytest.raises(InputError, match="neither empty nor a run directory"):
         fit(make(), tmp_path)
     with pytest.raises(InputError, match="is a file"):
         fit(make(), tmp_path / "mine.txt")
@@ -168,7 +169,7 @@ def test_folders_that_are_not_runs_are_left_alone(tmp_path):
 def test_nothing_is_begun_where_weights_are_bad(tmp_path):
     with pytest.raises(InputError, match="no weights file"):
         fit(make(weights=str(tmp_path / "absent.weights.h5")), tmp_path / "run")
-    with pytest.raises(InputError, match="frozen needs pretrained"):
+    with pytest.raises(InputError, match="'frozen' needs pretrained"):
         fit(make(batch_norm="frozen"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -179,7 +180,7 @@ def test_a_loss_that_is_no_number_stops_at_its_step(tmp_path):
             yield images, target * (np.nan if step == 3 else 1.0)
 
     with pytest.raises(
-        trainer.TrainingDiverged, match=r"the loss is nan at step 4, learning rate .*--learning-rate"
+        TrainingDiverged, match=r"the loss is nan at step 4, learning rate .*--learning-rate"
     ):
         fit(make(), tmp_path / "run", train=poisoned)
     assert [row["step"] for row in history(tmp_path / "run")] == ["2"]
@@ -210,15 +211,15 @@ def test_an_interrupted_run_reports_and_continues(whole, tmp_path):
 @pytest.mark.parametrize("at", [2, 6], ids=["in the first validation", "in the last"])
 def test_a_validation_that_was_interrupted_is_made_up_for(tmp_path, monkeypatch, at):
     config, out, calls = make(steps=6, validate_every=2, checkpoint_every=1), tmp_path / "run", []
-    assess = Trainer.assess
+    evaluate = Trainer.evaluate
 
     def interrupted(learner, batches):
         calls.append(None)
         if len(calls) == at // 2:
             raise KeyboardInterrupt
-        return assess(learner, batches)
+        return evaluate(learner, batches)
 
-    monkeypatch.setattr(Trainer, "assess", interrupted)
+    monkeypatch.setattr(Trainer, "evaluate", interrupted)
     with pytest.raises(KeyboardInterrupt):
         fit(config, out)
     monkeypatch.undo()
@@ -309,7 +310,7 @@ def test_ranges_of_a_file_are_kept_and_compared(tmp_path):
 
 
 def test_the_same_seed_builds_the_same_network():
-    one, other, third = (trainer.initialise_network(make(seed=seed))[0] for seed in (1, 1, 2))
+    one, other, third = (initialise_network(make(seed=seed))[0] for seed in (1, 1, 2))
     kernels = [
         np.concatenate([np.ravel(v) for v in model.trainable_variables]) for model in (one, other, third)
     ]

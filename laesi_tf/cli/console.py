@@ -8,16 +8,28 @@ from laesi_tf.common.errors import InputError
 
 
 def run_command(main: Callable[[Sequence[str]], None]) -> None:
-    """Call `main` with the command line; a user's mistake becomes one line on stderr and exit status 2."""
+    """Call `main` with the command line and turn bad input and Ctrl-C into one line on stderr.
+
+    Exit status: 0 done, 2 bad input, 130 Ctrl-C. Any other exception is a fault of ours: it keeps its
+    traceback and ends with status 1.
+    """
     warnings.showwarning = _print_warning
     try:
         main(sys.argv[1:])
     except InputError as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        _print_message(f"error: {error}")
         raise SystemExit(2) from None
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interruption:
+        if str(interruption):
+            _print_message(str(interruption))
         raise SystemExit(130) from None
 
 
 def _print_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"warning: {message}", file=sys.stderr)
+    _print_message(f"warning: {message}")
+
+
+def _print_message(message: str) -> None:
+    """Print one line to stderr, or nothing where stderr is closed."""
+    if sys.stderr is not None:
+        print(" ".join(message.split()), file=sys.stderr)

@@ -1,28 +1,48 @@
-"""Import TensorFlow without the lines that it writes to stderr."""
+"""Import TensorFlow for a command, without the lines that it writes to stderr while it starts.
+
+A command imports at its top only what parses arguments; `main` parses, calls `load_tensorflow` and then
+imports the modules that need TensorFlow, so `--help` and wrong arguments answer at once.
+"""
 
 import contextlib
 import os
 from collections.abc import Iterator
 
 
+def load_tensorflow() -> None:
+    """Import TensorFlow let it look for GPUs, and hide all messages but warnings."""
+    # The level alone does not silence seven lines about oneDNN and CUDA, which C++ code writes to descriptor
+    # 2.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+    with suppress_stderr():
+        import tensorflow
+
+        tensorflow.config.list_physical_devices()
+
+
 @contextlib.contextmanager
 def suppress_stderr() -> Iterator[None]:
-    """Send file descriptor 2 to nowhere for the duration."""
-    kept = os.dup(2)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    """Redirect file descriptor 2 to the null device inside this context; where it is closed, for good.
+
+    A closed descriptor would be given to the next file that is opened, and messages would be written into
+    that file.
+    """
     try:
-        os.dup2(nowhere, 2)
+        saved = os.dup(2)
+    except OSError:
+        _redirect_to_null_device()
+        yield
+        return
+    try:
+        _redirect_to_null_device()
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(nowhere)
-        os.close(kept)
+        os.dup2(saved, 2)
+        os.close(saved)
 
 
-# While it is imported and looks for GPUs TensorFlow writes seven lines about oneDNN and CUDA to stderr
-# whatever its log level; after that the level keeps it to warnings.
-os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
-with suppress_stderr():
-    import tensorflow
-
-    tensorflow.config.list_physical_devices()
+def _redirect_to_null_device() -> None:
+    null_device = os.open(os.devnull, os.O_WRONLY)
+    if null_device != 2:
+        os.dup2(null_device, 2)
+        os.close(null_device)

@@ -1,7 +1,8 @@
-"""Files that are written completely or not at all: first beside their place, then renamed into it."""
+"""Write files completely or not at all: to a temporary file in the same folder, which is then renamed."""
 
 import contextlib
 import csv
+import errno
 import hashlib
 import json
 import math
@@ -13,12 +14,16 @@ from typing import Any
 
 from laesi_tf.common.errors import InputError
 
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+
 
 @contextlib.contextmanager
 def atomic_write(path: Path | str) -> Iterator[Path]:
     """Yield a temporary path with `path`'s suffix in the same folder; on success rename it to `path`.
 
-    Raises InputError where the folder cannot be made or written.
+    Missing folders are made. Raises InputError where the folder cannot be made or written, and where the disk
+    is full.
     """
     path = Path(path)
     temporary = _create_beside(path)
@@ -26,12 +31,16 @@ def atomic_write(path: Path | str) -> Iterator[Path]:
         yield temporary
         temporary.chmod(0o644)
         temporary.replace(path)
+    except OSError as error:
+        if error.errno in _NO_SPACE:
+            raise _unwritable_error(path, error) from error
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def require_writable(path: Path | str) -> None:
-    """Raise InputError if `path` cannot be written: asked before the work, and leaving no trace."""
+    """Raise InputError if `path` cannot be written: called before the work starts, and leaves no trace."""
     path = Path(path)
     if path.is_dir():
         raise InputError(f"cannot write {path}: it is a folder; name a file in it")
@@ -43,7 +52,7 @@ def require_writable(path: Path | str) -> None:
 
 
 def _create_beside(path: Path) -> Path:
-    """A new empty file in the folder of `path`, which is made where it is missing. Raises InputError."""
+    """Create an empty file in the folder of `path`, which is made where it is missing. Raises InputError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{path.stem[:40]}-", suffix=path.suffix, dir=path.parent)
@@ -54,22 +63,26 @@ def _create_beside(path: Path) -> Path:
 
 
 def _unwritable_error(path: Path, error: OSError) -> InputError:
-    return InputError(f"cannot write {path}: {error.strerror}; choose a folder you may write to")
+    if error.errno in _NO_SPACE:
+        remedy = "free some space, then run the same command again"
+    else:
+        remedy = "choose a folder you may write to"
+    return InputError(f"cannot write {path}: {os.strerror(error.errno or 0)}; {remedy}")
 
 
 def write_text(path: Path | str, text: str) -> None:
-    """Write `text` as UTF-8, whole or not at all."""
+    """Write `text` as UTF-8."""
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path | str, value: Any) -> None:
-    """Write `value` as JSON, whole or not at all; NaN and infinities become null, as JSON has neither."""
+    """Write `value` as JSON; NaN and infinities become null, since JSON has neither."""
     write_text(path, json.dumps(_replace_nonfinite(value), indent=2, allow_nan=False) + "\n")
 
 
 def read_json(path: Path | str) -> Any:
-    """What a JSON file holds. Raises InputError where it is missing or broken."""
+    """Return the content of a JSON file. Raises InputError where it is missing or broken."""
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
@@ -79,20 +92,21 @@ def read_json(path: Path | str) -> Any:
 
 
 def write_figure(path: Path | str, figure: Any, *, dpi: int = 110) -> None:
-    """Write a Matplotlib `figure` as PNG, whole or not at all."""
+    """Write a Matplotlib `figure` as PNG."""
     with atomic_write(path) as temporary:
         figure.savefig(temporary, format="png", dpi=dpi)
 
 
 def short_sha256(path: Path | str) -> str:
-    """The first 16 digits of a file's SHA-256, which tell it from others of its name."""
+    """Return the first 16 digits of a file's SHA-256: enough to distinguish files of the same name."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
 def write_csv(path: Path | str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write `rows` below `header`, whole or not at all; None becomes an empty cell.
+    """Write `rows` below `header` as CSV; None becomes an empty cell.
 
-    Text that a spreadsheet would run as a formula, as a photo's name may be, gets an apostrophe before it.
+    Text that a spreadsheet would run as a formula, as the name of a photo can be, gets an apostrophe before
+    it.
     """
     with (
         atomic_write(path) as temporary,
@@ -104,7 +118,17 @@ def write_csv(path: Path | str, header: Sequence[str], rows: Iterable[Sequence[A
 
 
 def _escape_formula(cell: Any) -> Any:
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@", "\t", "\r")) else cell
+    if not isinstance(cell, str) or not cell.startswith(_FORMULA_STARTS) or _is_number(cell):
+        return cell
+    return f"'{cell}"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _replace_nonfinite(value: Any) -> Any:

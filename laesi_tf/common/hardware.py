@@ -1,33 +1,32 @@
-"""The processor that figures were measured on, and the memory that this process used."""
+"""Describe the machine that figures were measured on, and the memory that this process used."""
 
 import datetime
 import math
 import os
 import platform
 import sys
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import tensorflow as tf
-
 try:
     import resource
-except ImportError:  # Windows keeps no such account
+except ImportError:  # not on Windows
     resource = None  # type: ignore[assignment]
 
 
 def describe_hardware() -> dict[str, Any]:
-    """The processor, its cores, TensorFlow's version and the date, which every figure should come with."""
+    """Return the processor, its cores, TensorFlow's version and the date, to be given with every figure."""
     return {
         "machine": _processor_name(),
         "cores": os.cpu_count(),
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "tensorflow": tf.__version__,
+        "tensorflow": metadata.version("tensorflow"),
     }
 
 
 def peak_rss_mb() -> float:
-    """Peak resident memory of this process so far in MB (10^6 bytes); NaN where it is not kept."""
+    """Return the peak resident memory of this process in MB (10^6 bytes); NaN where it is not recorded."""
     if resource is None:
         return math.nan
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -35,7 +34,7 @@ def peak_rss_mb() -> float:
 
 
 def _processor_name() -> str:
-    """The processor's name; platform.processor() says no more than x86_64 on Linux."""
+    """Return the processor's name; platform.processor() gives only x86_64 on Linux."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

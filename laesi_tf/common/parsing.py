@@ -1,18 +1,18 @@
-"""Parsers of numbers and image sizes, for arguments and configuration files."""
+"""Parse the numbers and image sizes of command-line flags; each function is a `type` for argparse."""
 
 import argparse
 import math
 
 
 def positive_int(text: str) -> int:
-    """Parse a whole number from 1 up, as an argument's type."""
+    """Parse a whole number from 1 up."""
     if not text.isdigit() or not int(text):
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 up")
     return int(text)
 
 
 def positive_float(text: str, *, most: float = math.inf, what: str = "number") -> float:
-    """Parse a number above 0 and up to `most`, as an argument's type; a user knows it as `what`."""
+    """Parse a number above 0 and up to `most`; messages call it `what`."""
     try:
         value = float(text)
     except ValueError:
@@ -24,9 +24,8 @@ def positive_float(text: str, *, most: float = math.inf, what: str = "number") -
 
 
 def image_size(text: str) -> tuple[int, int]:
-    """Parse `224` or `480x640` as (height, width) in pixels, as an argument's type."""
+    """Parse `224` or `480x640` as (height, width) in pixels."""
     parts = text.lower().split("x")
     if len(parts) > 2 or not all(part.isdigit() and 16 <= int(part) <= 8192 for part in parts):
-        told = f"size {text!r} is not a side or HEIGHTxWIDTH between 16 and 8192 pixels"
-        raise argparse.ArgumentTypeError(told)
+        raise argparse.ArgumentTypeError(f"{text!r} is not a side or HEIGHTxWIDTH between 16 and 8192 pixels")
     return int(parts[0]), int(parts[-1])

@@ -5,9 +5,9 @@ from typing import Any, TypeVar
 
 from tqdm import tqdm
 
-Item = TypeVar("Item")
+T = TypeVar("T")
 
 
-def progress_bar(items: Iterable[Item], **options: Any) -> Iterable[Item]:
-    """A progress bar on stderr that stays away from anything shorter than two seconds."""
+def progress_bar(items: Iterable[T], **options: Any) -> "tqdm[T]":
+    """Return a progress bar over `items` on stderr, shown after two seconds; `options` are those of tqdm."""
     return tqdm(items, delay=2, dynamic_ncols=True, **options)

@@ -1,10 +1,22 @@
 """Names of the files in a run directory."""
 
-CONFIG_FILE, STATE_FILE, HISTORY_FILE = "config.toml", "state.npz", "history.csv"
-BEST_MODEL_FILE, METRICS_FILE, REPORT_FILE, TENSORBOARD_FOLDER = (
-    "best.keras",
-    "metrics.json",
-    "report.html",
-    "tensorboard",
-)
-EXPORTED_WEIGHTS_FILE, RANGES_FILE = "weights.npz", "ranges.toml"
+CONFIG_FILE = "config.toml"
+"""The configuration and where the run comes from."""
+RANGES_FILE = "ranges.toml"
+"""A copy of the ranges, if they came from a file."""
+MIXTURE_FILE = "mixture.toml"
+"""A copy of the mixture, if there was one."""
+STATE_FILE = "state.npz"
+"""Variables and progress that a stopped run continues from."""
+HISTORY_FILE = "history.csv"
+"""One row per validation."""
+TENSORBOARD_FOLDER = "tensorboard"
+"""The same for TensorBoard."""
+BEST_MODEL_FILE = "best.keras"
+"""The network with the best validation score."""
+EXPORTED_WEIGHTS_FILE = "weights.npz"
+"""In its place in an exported run: the same network's variables as float16."""
+METRICS_FILE = "metrics.json"
+"""Metrics of that network; written last: where it exists, the run is finished."""
+REPORT_FILE = "report.html"
+"""All of it for reading."""

@@ -73,4 +73,4 @@ def compute_test_metrics(run: Run) -> dict[str, float]:
         passes=1,
     )
     found = evaluate_network(run.model, task, list(itertools.islice(scenes, _BATCHES)))
-    return {key: float(np.asarray(value)) for key, value in task.figures(found).items()}
+    return {key: float(np.asarray(value)) for key, value in task.aggregate(found).items()}

@@ -5,7 +5,7 @@ The network is built from the five keys of `config.toml` that define it and then
 """
 
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE, EXPORTED_WEIGHTS_FILE
-from laesi_tf.common.schema import format_choices, read_toml, suggest_closest
+from laesi_tf.common.schema import check_choice, check_number, read_toml
 from laesi_tf.models.area_network import TRANSFORMS, build_area_network
 from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone
 from laesi_tf.models.mask_network import build_mask_network
@@ -39,15 +39,14 @@ class ModelSpec:
     transform: str
 
     def __post_init__(self) -> None:
-        known: dict[str, Iterable[str]] = {
+        known: dict[str, Collection[str]] = {
             "task": NETWORK_BUILDERS,
             "backbone": BACKBONES,
             "transform": TRANSFORMS,
         }
         for name, choices in known.items():
-            _check_choice(name, getattr(self, name), tuple(choices))
-        if not (type(self.alpha) in (int, float) and 0.1 <= self.alpha <= 4):
-            raise InputError(f"alpha {self.alpha!r} is not a number between 0.1 and 4")
+            check_choice(name, getattr(self, name), choices)
+        check_number("alpha", self.alpha, low=0.1, high=4)
         if len(self.size) != 2 or not all(type(side) is int and 32 <= side <= 4096 for side in self.size):
             raise InputError(f"size {self.size!r} is not [height, width], each between 32 and 4096 pixels")
 
@@ -140,9 +139,3 @@ def load_float16(network: keras.Model, path: Path) -> None:
 def named_weights(network: keras.Model) -> Iterable[tuple[str, Any]]:
     """Pair every weight of `network`, statistics included, with its key in `weights.npz`."""
     return ((f"variable_{index}", variable) for index, variable in enumerate(network.weights))
-
-
-def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        close = suggest_closest(value, choices) if isinstance(value, str) else ""
-        raise InputError(f"unknown {name} {value!r}{close}; choose {format_choices(choices)}")

@@ -1,40 +1,35 @@
 """The report of a run, report.html: one self-contained file that a biologist can read."""
 
 import base64
-import dataclasses
 import html
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from laesi_tf.common.atomic_files import write_text
 from laesi_tf.common.run_files import CONFIG_FILE, HISTORY_FILE, REPORT_FILE
-from laesi_tf.reporting.run_charts import plot_learning_curves, plot_predicted_against_true
-from laesi_tf.training.config import TrainConfig
+from laesi_tf.reporting.run_charts import plot_learning_curves
 
-SYNTHETIC_SCENES = "fresh synthetic pictures"
-"""What runs are judged on unless they are given something else."""
-_IMAGES_PER_GALLERY = 8
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SYNTHETIC_SCENES = "fresh synthetic images"
+"""What runs are validated on unless they are given something else."""
 _IMAGE_WIDTH_PX = 192
 _BLUE, _MAGENTA = (0, 90, 255), (255, 0, 160)
-_METRIC_LABELS = {
-    "mre": "mean relative error of the area, MRE (%)",
-    "median": "median relative error (%)",
-    "p90": "relative error that nine leaves in ten stay below (%)",
-    "miou": "mean intersection over union, mIoU",
-    "mpe": "mask pixel error, MPE",
-    "n": "validation pictures",
-    "best_step": "step of the model that was kept",
+_RUN_LABELS = {
+    "n": "validation images",
+    "best_step": "step of the network that was kept",
     "steps": "steps trained",
     "minutes": "minutes",
-    "images_per_s": "pictures trained on per second",
+    "images_per_s": "images trained on per second",
     "parameters": "parameters",
     "weights_origin": "weights it started from",
 }
@@ -50,97 +45,77 @@ figcaption { font-size: .85rem; color: #556 } p.note { color: #556 }
 
 @dataclass(frozen=True)
 class ValidationImage:
-    """A validation picture: uint8 [H, W, 3], its figures by name, predicted and true mask bool [H, W]."""
+    """A validation image, uint8 [H, W, 3], its caption, and the predicted and the true mask, bool [H, W]."""
 
-    image: np.ndarray
-    figures: Mapping[str, float]
-    masks: tuple[np.ndarray, np.ndarray] | None
-
-
-def select_best_and_worst(errors: np.ndarray) -> list[int]:
-    """Indices of the pictures to show, best first: those of the lowest errors [N], then of the highest."""
-    order = np.argsort(errors, kind="stable").tolist()
-    half = min(_IMAGES_PER_GALLERY, len(order) // 2)
-    return order[:half] + order[len(order) - half :]
+    image: NDArray[np.uint8]
+    caption: str
+    masks: tuple[NDArray[Any], NDArray[Any]] | None = None
 
 
-def write_report(
-    out: Path,
-    config: TrainConfig,
-    figures: Mapping[str, Any],
-    history: Sequence[Mapping[str, float]],
-    found: Mapping[str, np.ndarray],
-    pictures: Sequence[ValidationImage],
-    *,
-    validated_on: str = SYNTHETIC_SCENES,
-) -> None:
-    """Write report.html into the run's folder `out`; `validated_on` says what its figures were found on.
+@dataclass(frozen=True, kw_only=True)
+class RunReport:
+    """What the report of a run shows."""
 
-    `figures` are those of metrics.json, `history` the rows of history.csv, `found` arrays [N] over the
-    validation set ("predicted" and "true" for areas), `pictures` those of `chosen` in its order.
-    """
-    half = len(pictures) // 2
-    parts = [
-        f"<h1>{'Leaf area' if config.task == 'area' else 'Leaf mask'}, run {html.escape(out.name)}</h1>",
-        _make_headline(config, figures, validated_on),
-        f"<h2>Figures</h2>{_table_to_html({_METRIC_LABELS[key]: value for key, value in figures.items() if key in _METRIC_LABELS})}",
-        f"<h2>Learning</h2>{_figure_to_html(plot_learning_curves(history))}<p class=note>The same numbers are in {HISTORY_FILE}.</p>",
-        f"<h2>Predicted against true</h2>{_figure_to_html(plot_predicted_against_true(found))}"
-        if config.task == "area"
-        else "",
-        f"<h2>Best pictures</h2>{_gallery_to_html(pictures[:half])}",
-        f"<h2>Worst pictures</h2>{_gallery_to_html(pictures[half:][::-1])}",
-        f"<h2>Configuration</h2>{_table_to_html(dataclasses.asdict(config))}",
+    title: str
+    headline: str
+    metrics: Mapping[str, Any]
+    """The content of metrics.json."""
+    metric_labels: Mapping[str, str]
+    """Names and units of the task's metrics."""
+    history: Sequence[Mapping[str, float]]
+    """The rows of history.csv."""
+    main_metric: str
+    charts: "Sequence[tuple[str, Figure]]"
+    """Further charts, each with its heading."""
+    best: Sequence[ValidationImage]
+    worst: Sequence[ValidationImage]
+    config: Mapping[str, Any]
+
+
+def write_report(out: Path, report: RunReport) -> None:
+    """Write report.html into the run directory `out`."""
+    labels = {**report.metric_labels, **_RUN_LABELS}
+    shown = {labels[name]: value for name, value in report.metrics.items() if name in labels}
+    label = report.metric_labels[report.main_metric]
+    curves = plot_learning_curves(report.history, f"val_{report.main_metric}", label)
+    sections = [
+        f"<h1>{html.escape(report.title)}</h1>",
+        f"<p>{html.escape(report.headline)}</p>",
+        f"<h2>Figures</h2>{_table_to_html(shown)}",
+        f"<h2>Learning</h2>{_figure_to_html(curves)}",
+        f"<p class=note>The same numbers are in {HISTORY_FILE}.</p>",
+        *(f"<h2>{html.escape(heading)}</h2>{_figure_to_html(figure)}" for heading, figure in report.charts),
+        f"<h2>Best images</h2>{_gallery_to_html(report.best)}",
+        f"<h2>Worst images</h2>{_gallery_to_html(report.worst)}",
+        f"<h2>Configuration</h2>{_table_to_html(report.config)}",
         f"<p class=note>{CONFIG_FILE} repeats this run: pass it to --config.</p>",
     ]
-    title = f"<title>{html.escape(out.name)}</title>"
+    title = f"<title>{html.escape(report.title)}</title>"
     head = f"<!doctype html><html lang=en><meta charset=utf-8>{title}<style>{_STYLE}</style>"
-    write_text(out / REPORT_FILE, "\n".join([head, *filter(None, parts), "</html>\n"]))
+    write_text(out / REPORT_FILE, "\n".join([head, *sections, "</html>\n"]))
 
 
-def _make_headline(config: TrainConfig, figures: Mapping[str, Any], validated_on: str) -> str:
-    if config.task == "area":
-        told = (
-            f"On {validated_on} the area is off by {figures['mre']:.1f} % on average; "
-            f"half are within {figures['median']:.1f} %, nine in ten within {figures['p90']:.1f} %."
-        )
-    else:
-        told = (
-            f"On {validated_on} true and predicted leaf overlap by {figures['miou']:.3f} "
-            f"(1 is perfect), and the leaf's pixel count is off by {100 * figures['mpe']:.1f} %."
-        )
-    told += " Real photos differ: score those with evaluate." if validated_on == SYNTHETIC_SCENES else ""
-    return f"<p>{told}</p>"
-
-
-def _gallery_to_html(pictures: Sequence[ValidationImage]) -> str:
-    shown = (
-        f"<figure>{_image_to_html(picture)}<figcaption>{_make_caption(picture)}</figcaption></figure>"
-        for picture in pictures
+def _gallery_to_html(images: Sequence[ValidationImage]) -> str:
+    figures = (
+        f"<figure>{_image_to_html(shown)}<figcaption>{html.escape(shown.caption)}</figcaption></figure>"
+        for shown in images
     )
-    return f"<div class=pictures>{''.join(shown)}</div>"
+    return f"<div class=pictures>{''.join(figures)}</div>"
 
 
-def _make_caption(picture: ValidationImage) -> str:
-    if picture.masks:
-        return f"overlap (IoU) {picture.figures['iou']:.3f}; predicted magenta, true blue"
-    predicted, true = picture.figures["predicted"], picture.figures["true"]
-    return f"{predicted:.1f} cm² for {true:.1f} cm²: {100 * (predicted / true - 1):+.1f} %"
-
-
-def _image_to_html(picture: ValidationImage) -> str:
-    scale = _IMAGE_WIDTH_PX / picture.image.shape[1]
-    drawn = cv2.resize(picture.image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    # The true outline goes first, so that the predicted one covers it where they agree.
-    for mask, colour in zip((picture.masks or ())[::-1], (_BLUE, _MAGENTA), strict=False):
-        large = cv2.resize(mask.astype(np.uint8), drawn.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+def _image_to_html(shown: ValidationImage) -> str:
+    scale = _IMAGE_WIDTH_PX / shown.image.shape[1]
+    canvas = cv2.resize(shown.image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    # The true outline is drawn first, so that the predicted one covers it where they agree.
+    for mask, colour in zip((shown.masks or ())[::-1], (_BLUE, _MAGENTA), strict=False):
+        large = cv2.resize(mask.astype(np.uint8), canvas.shape[1::-1], interpolation=cv2.INTER_NEAREST)
         contours, _ = cv2.findContours(large, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(drawn, contours, -1, colour, 1)
-    encoded = cv2.imencode(".jpg", drawn[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+        cv2.drawContours(canvas, contours, -1, colour, 1)
+    encoded = cv2.imencode(".jpg", canvas[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
     return f"<img alt='' src='data:image/jpeg;base64,{base64.b64encode(encoded).decode()}'>"
 
 
-def _figure_to_html(figure: Figure) -> str:
+def _figure_to_html(figure: "Figure") -> str:
     data = io.BytesIO()
     with matplotlib.rc_context({"axes.spines.top": False, "axes.spines.right": False}):
         figure.savefig(data, format="png", dpi=110)

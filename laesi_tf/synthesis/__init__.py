@@ -15,8 +15,12 @@ from laesi_tf.synthesis.ranges_toml import load_ranges
 from laesi_tf.synthesis.renderer import render_lighting_passes, render_scene
 from laesi_tf.synthesis.scene import COMPONENTS, Ranges, Scene, sample_lighting_passes, sample_scene
 
+SYNTHESIS_VERSION = 1
+"""Changes whenever the image of a seed changes; data sets and runs store it."""
+
 __all__ = [
     "COMPONENTS",
+    "SYNTHESIS_VERSION",
     "Ranges",
     "Scene",
     "load_ranges",

@@ -1,105 +1,112 @@
-"""Streams of training batches and the validation batches of a configuration."""
+"""Training batches and validation batches of a configuration."""
 
 from collections.abc import Callable
-from typing import cast
 
 import tensorflow as tf
 
 from laesi_tf.common.errors import InputError
-from laesi_tf.data import augmentation, augmentation_ops, mixture, synthetic, tf_data_service
+from laesi_tf.data import synthetic, tf_data_service
+from laesi_tf.data.augmentation import augment_sample, augmentation_flags, parse_augmentations
 from laesi_tf.data.leaf_textures import load_textures
+from laesi_tf.data.mixture import Source, load_mixture, mix_sources
 from laesi_tf.synthesis import load_ranges
 from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.tasks import TASKS, make_task
 from laesi_tf.training.trainer import Batches
 
-# From the index of the first picture to an endless stream of batches.
 BatchStream = Callable[[int], Batches]
+"""From the index of the first sample to an endless stream of batches."""
 _VALIDATION_SEED = 0
+"""The same for all runs, so that their scores compare; its range of indices separates it from training."""
 
 
-def make_training_stream(config: TrainConfig, data_service: str) -> BatchStream:
-    """The stream that `config` names: live scenes or a mixture, augmented or not.
+class InputPipeline:
+    """What a run is fed: live scenes or a mixture, augmented or not, and fresh scenes to validate on.
 
-    Live scenes are made by the `data_service` at that address where there is one.
+    Everything that `config` names is opened at once. Raises InputError for files that cannot be used and for
+    a data service that does not answer.
     """
-    batch_size = config.batch_size
-    if config.mixture and data_service:
-        raise InputError("--data-service makes live scenes only; leave out --data-service or --mixture")
-    textures = load_textures(config.textures) if config.textures else None
-    sources = _open_mixture(config, textures)
-    ranges = load_ranges(config.ranges)
 
-    def live(places: tf.data.Dataset) -> tf.data.Dataset:
-        # Runs of places are whole: a batch has so many leaves.
-        passes = config.lighting_passes
-        first = places.filter(lambda place: place % passes == 0)
-        scenes = synthetic.samples_of_leaves(
-            first.map(lambda place: (place + synthetic.TRAIN_INDICES[0]) // passes),
-            seed=config.seed,
-            size=config.size,
-            ranges=ranges,
-            passes=passes,
-            textures=textures,
-        )
-        return _make_examples(
-            scenes.map(lambda scene: (scene["index"] - synthetic.TRAIN_INDICES[0], scene)), config
-        )
+    def __init__(self, config: TrainConfig, *, data_service: str = "") -> None:
+        self._config, self._data_service = config, data_service
+        if config.mixture and data_service:
+            raise InputError("--data-service makes live scenes only; leave out --data-service or --mixture")
+        self._ranges = load_ranges(config.ranges)
+        self._textures = load_textures(config.textures) if config.textures else None
+        self._sources = self._open_mixture()
 
-    def stream(start: int) -> Batches:
-        if data_service:
-            return tf_data_service.receive_batches(live, data_service, batch_size=batch_size, start=start)
-        if sources:
-            mixed = mixture.mix_sources(sources, seed=config.seed, start=start)
-            examples = _make_examples(mixed.enumerate(start), config)
+    def training_batches(self, start: int) -> Batches:
+        """Return the endless stream of batches whose first sample has the index `start`."""
+        config = self._config
+        if self._data_service:
+            return tf_data_service.receive_batches(
+                self._live_examples, self._data_service, batch_size=config.batch_size, start=start
+            )
+        if self._sources:
+            mixed = mix_sources(self._sources, seed=config.seed, start=start)
+            examples = self._make_examples(mixed.enumerate(start))
         else:
-            examples = live(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1]))
-        return examples.map(lambda _, example: example).batch(batch_size).prefetch(2)
+            examples = self._live_examples(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1]))
+        return examples.map(lambda _, example: example).batch(config.batch_size).prefetch(2)
 
-    return stream
+    def validation_batches(self) -> Batches:
+        """Return batches of fresh scenes, the same ones for all runs of a task, size and ranges."""
+        config, task = self._config, make_task(self._config)
+        samples = synthetic.synthetic_samples(
+            seed=_VALIDATION_SEED,
+            size=config.size,
+            ranges=self._ranges,
+            start=synthetic.VALIDATION_INDICES[0],
+            count=config.validation_pictures,
+            passes=1,
+            textures=self._textures,
+        )
+        examples = samples.map(lambda sample: (sample["image"], task.make_target(sample)))
+        return examples.batch(config.batch_size).prefetch(2)
 
-
-def _make_examples(numbered: tf.data.Dataset, config: TrainConfig) -> tf.data.Dataset:
-    """(place, (image, target)) of a stream of (place, picture), augmented as `config` says."""
-    task_name = cast(synthetic.TaskName, config.task)
-    switched = augmentation.augmentation_flags(augmentation.parse_augmentations(config.augment))
-
-    def augmented(
-        place: tf.Tensor, picture: augmentation_ops.Sample
-    ) -> tuple[tf.Tensor, augmentation_ops.Sample]:
-        return place, augmentation.augment_sample(
-            picture, tf.stack([config.seed, place]), tf.constant(switched)
+    def _live_examples(self, indices: tf.data.Dataset) -> tf.data.Dataset:
+        """Return (index, (image, target)) for `indices`, which hold all lighting passes of a leaf or none."""
+        passes = self._config.lighting_passes
+        first_passes = indices.filter(lambda index: index % passes == 0)
+        samples = synthetic.samples_of_leaves(
+            first_passes.map(lambda index: (index + synthetic.TRAIN_INDICES[0]) // passes),
+            seed=self._config.seed,
+            size=self._config.size,
+            ranges=self._ranges,
+            passes=passes,
+            textures=self._textures,
+        )
+        return self._make_examples(
+            samples.map(lambda sample: (sample["index"] - synthetic.TRAIN_INDICES[0], sample))
         )
 
-    if switched.any():
-        numbered = numbered.map(augmented, num_parallel_calls=tf.data.AUTOTUNE)
-    return numbered.map(lambda place, picture: (place, synthetic.make_example(picture, task_name)))
+    def _make_examples(self, numbered: tf.data.Dataset) -> tf.data.Dataset:
+        """Return (index, (image, target)) from (index, sample), augmented as the configuration says."""
+        task, seed = make_task(self._config), self._config.seed
+        enabled = augmentation_flags(parse_augmentations(self._config.augment))
+        if enabled.any():
+            numbered = numbered.map(
+                lambda index, sample: (
+                    index,
+                    augment_sample(sample, tf.stack([seed, index]), tf.constant(enabled)),
+                ),
+                num_parallel_calls=tf.data.AUTOTUNE,
+            )
+        return numbered.map(lambda index, sample: (index, (sample["image"], task.make_target(sample))))
 
-
-def _open_mixture(config: TrainConfig, textures: tf.Tensor | None) -> list[mixture.Source]:
-    if not config.mixture:
-        return []
-    if config.lighting_passes != 1:
-        raise InputError("a mixture has one light for each leaf; leave out --lighting-passes or --mixture")
-    return mixture.load_mixture(
-        config.mixture,
-        size=config.size,
-        seed=config.seed,
-        masked=config.task == "mask",
-        ranges=config.ranges,
-        textures=textures,
-    )
-
-
-def make_validation_batches(config: TrainConfig) -> Batches:
-    # One seed for all runs: their scores compare. The range of indices keeps it apart from training.
-    return synthetic.synthetic_batches(
-        task=cast(synthetic.TaskName, config.task),
-        batch_size=config.batch_size,
-        seed=_VALIDATION_SEED,
-        size=config.size,
-        ranges=config.ranges,
-        start=synthetic.VALIDATION_INDICES[0],
-        count=config.validation_pictures,
-        passes=1,
-        textures=load_textures(config.textures) if config.textures else None,
-    )
+    def _open_mixture(self) -> list[Source]:
+        config = self._config
+        if not config.mixture:
+            return []
+        if config.lighting_passes != 1:
+            raise InputError(
+                "a mixture has one light for each leaf; leave out --lighting-passes or --mixture"
+            )
+        return load_mixture(
+            config.mixture,
+            size=config.size,
+            seed=config.seed,
+            masked=TASKS[config.task].needs_masks,
+            ranges=config.ranges,
+            textures=self._textures,
+        )

@@ -7,7 +7,8 @@ import keras
 
 from laesi_tf.training.schedules import SCHEDULES, FunctionSchedule
 
-# Keras's defaults where the paper is silent. A noisy scene can throw a gradient far off: its norm is clipped.
+# Keras's defaults, since the paper gives none. The norm of gradients is clipped: one noisy scene can make it
+# huge.
 _CLIP = {"global_clipnorm": 1.0}
 OPTIMIZERS: dict[str, Callable[..., keras.optimizers.Optimizer]] = {
     "rmsprop": lambda rate: keras.optimizers.RMSprop(rate, **_CLIP),
@@ -21,11 +22,14 @@ OPTIMIZERS: dict[str, Callable[..., keras.optimizers.Optimizer]] = {
 def make_optimizer(
     name: str, *, schedule: str, peak: float, final: float, steps: int
 ) -> keras.optimizers.Optimizer:
-    """An optimizer of OPTIMIZERS whose rate follows a schedule of SCHEDULES over `steps` steps."""
+    """Return an optimizer of OPTIMIZERS whose learning rate follows a schedule of SCHEDULES.
+
+    `peak` and `final` are the highest and the last rate, `steps` the length of the run.
+    """
     return OPTIMIZERS[name](FunctionSchedule(SCHEDULES[schedule], peak=peak, final=final, steps=steps))
 
 
 def optimizer_variables(optimizer: keras.optimizers.Optimizer) -> list[Any]:
-    """All variables of a built optimizer. Keras's Nadam has one that it does not list among its own."""
+    """Return all variables of a built optimizer, with the one that Keras's Nadam does not list itself."""
     unlisted = getattr(optimizer, "_u_product", None)
     return [*optimizer.variables, *([] if unlisted is None else [unlisted])]

@@ -1,15 +1,6 @@
-"""A run's folder: what it was made from, how far it is, how it went, its best model.
+"""A run directory: creating it, checking it, and the state that a stopped run continues from.
 
-config.toml     the configuration and where the run came from
-ranges.toml     a copy of the ranges, if they came from a file
-mixture.toml    a copy of the mixture, if there was one
-state.npz       variables and progress that a killed run continues from
-history.csv     one row per validation
-tensorboard/    the same for TensorBoard
-best.keras      the model with the best validation score
-weights.npz     in its place in an exported run: the same model's variables as float16
-metrics.json    its figures; written last, so its presence says that the run is finished
-report.html     all of it for reading
+`laesi_tf.common.run_files` lists its files.
 """
 
 import csv
@@ -24,42 +15,63 @@ from typing import Any
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.common import schema
 from laesi_tf.common.atomic_files import atomic_write, write_text
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.run_files import CONFIG_FILE, HISTORY_FILE, STATE_FILE
-from laesi_tf.training import config_files
-from laesi_tf.training.config import TrainConfig, differing_fields
+from laesi_tf.common.run_files import (
+    CONFIG_FILE,
+    HISTORY_FILE,
+    METRICS_FILE,
+    MIXTURE_FILE,
+    RANGES_FILE,
+    STATE_FILE,
+)
+from laesi_tf.common.schema import differing_fields, read_toml
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.config_files import PROVENANCE, load_config, save_config
 from laesi_tf.training.provenance import collect_provenance
 
 
 @dataclass
 class TrainingProgress:
-    """How far a run is; with the variables' values, all that it needs to continue."""
+    """How far a run is; with the values of the variables, all that it needs to continue.
+
+    The names of the fields are keys in state.npz.
+    """
 
     step: int = 0
-    seconds: float = 0.0  # from start to now, without the time between a kill and the next start
-    timed_steps: int = 0  # steps and seconds spent on steps, for images/s
+    seconds: float = 0.0
+    """From start to now, without the time between a stop and the next start."""
+    timed_steps: int = 0
+    """Since the last validation, as are `timed_seconds`, `loss_sum` and `loss_count`."""
     timed_seconds: float = 0.0
-    loss_sum: float = 0.0  # since the last row
+    loss_sum: float = 0.0
     loss_count: int = 0
     best_merit: float | None = None
+    """Ranking score of the best network so far."""
     best_step: int = 0
-    stale: int = 0  # validations since the best
+    stale: int = 0
+    """Validations since the best one."""
     history: list[dict[str, float]] = field(default_factory=list)
 
+    @property
+    def mean_loss(self) -> float:
+        """Mean training loss since the last validation."""
+        return self.loss_sum / max(1, self.loss_count)
 
-def create_run_directory(path: Path, config: TrainConfig, origin: str) -> None:
-    """Write what a new run is made from."""
-    config_files.save_config(path / CONFIG_FILE, config, collect_provenance(origin))
-    for name, file in _referenced_files(config).items():
-        write_text(path / f"{name}.toml", file.read_text(encoding="utf-8"))
+
+def create_run_directory(path: Path, config: TrainConfig, weights_origin: str) -> None:
+    """Write the configuration of a new run, where it comes from, and copies of the files that it names."""
+    save_config(path / CONFIG_FILE, config, collect_provenance(weights_origin))
+    for file, copy in _referenced_files(config).values():
+        write_text(path / copy, file.read_text(encoding="utf-8"))
 
 
 def check_run_directory(path: Path, config: TrainConfig) -> str | None:
-    """The weights' origin of the run that `path` holds, None if there is none yet.
+    """Return the origin of the weights of the run in `path`, or None if there is none yet.
 
-    InputError if the folder is not a run's, or if the run was configured otherwise.
+    Raises InputError if `path` is something else than a run directory, or if the run has another
+    configuration. Only `steps` may grow, and only where the learning rate is constant: the other schedules
+    end with the steps.
     """
     if not path.exists():
         return None
@@ -67,29 +79,51 @@ def check_run_directory(path: Path, config: TrainConfig) -> str | None:
         raise InputError(f"{path} is a file; choose another --out")
     if not (path / CONFIG_FILE).is_file():
         if any(path.iterdir()):
-            raise InputError(f"{path} is neither empty nor a run's folder; choose another --out")
+            raise InputError(f"{path} is neither empty nor a run directory; choose another --out")
         return None
-    keys = differing_fields(config_files.load_config(path / CONFIG_FILE), config)
-    for name, file in _referenced_files(config).items():
-        if not keys and (path / f"{name}.toml").read_bytes() != file.read_bytes():
-            keys = [f"{name} (the file changed)"]
-    if keys:
+    earlier = load_config(path / CONFIG_FILE)
+    names = differing_fields(earlier, config)
+    if names == ["steps"] and config.steps > earlier.steps:
+        if config.schedule != "constant":
+            raise InputError(
+                f"{path} has {earlier.steps} steps, with which its {config.schedule} learning rate ends; "
+                f"to train on from its network, choose another --out and --weights {path}"
+            )
+        names = []
+    if not names:
+        for name, (file, copy) in _referenced_files(config).items():
+            if (path / copy).read_bytes() != file.read_bytes():
+                names = [f"{name} (the file changed)"]
+    if names:
         raise InputError(
-            f"{path} holds a run that differs in {', '.join(keys)}; "
+            f"{path} holds a run that differs in {', '.join(names)}; "
             "continue it with its own configuration or choose another --out"
         )
-    return schema.read_toml(path / CONFIG_FILE)[config_files.PROVENANCE]["weights_origin"]
+    origin: str = read_toml(path / CONFIG_FILE)[PROVENANCE]["weights_origin"]
+    return origin
+
+
+def is_finished(path: Path, config: TrainConfig) -> bool:
+    """Whether `path` holds a finished run of `config`, which `check_run_directory` found to be the same."""
+    return (path / METRICS_FILE).is_file() and load_config(path / CONFIG_FILE).steps >= config.steps
+
+
+def record_steps(path: Path, config: TrainConfig) -> None:
+    """Record in the run directory that a run shall have more steps than before; it is then unfinished."""
+    if load_config(path / CONFIG_FILE).steps < config.steps:
+        save_config(path / CONFIG_FILE, config, read_toml(path / CONFIG_FILE)[PROVENANCE])
+        (path / METRICS_FILE).unlink(missing_ok=True)
 
 
 def save_state(path: Path, progress: TrainingProgress, variables: Sequence[Any]) -> None:
-    """Write what the run continues from, whole or not at all."""
+    """Write the state that a run continues from."""
     values = {f"variable_{index}": variable.numpy() for index, variable in enumerate(variables)}
     with atomic_write(path / STATE_FILE) as temporary, temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, progress=np.array(json.dumps(asdict(progress))), **values)
 
 
 def restore_state(path: Path, variables: Sequence[Any]) -> TrainingProgress:
-    """Set `variables` to what was saved and return the progress; as it started where nothing was saved."""
+    """Set `variables` to the saved values and return the progress; that of a new run if nothing was saved."""
     if not (path / STATE_FILE).is_file():
         return TrainingProgress()
     try:
@@ -104,7 +138,7 @@ def restore_state(path: Path, variables: Sequence[Any]) -> TrainingProgress:
 
 
 def write_history(path: Path, rows: Sequence[Mapping[str, float]]) -> None:
-    """Write one line per validation; figures to seven digits."""
+    """Write one line per validation, with seven significant digits."""
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
     writer.writeheader()
@@ -113,17 +147,26 @@ def write_history(path: Path, rows: Sequence[Mapping[str, float]]) -> None:
 
 
 def log_to_tensorboard(writer: tf.summary.SummaryWriter, row: Mapping[str, float]) -> None:
-    """Add a row of the history to TensorBoard's log, which needs TensorBoard for reading only."""
+    """Add a row of the history to TensorBoard's log, which needs TensorBoard only for reading.
+
+    Raises InputError where the log cannot be written, as on a full disk.
+    """
     kind = tf.compat.v1.SummaryMetadata()
     kind.plugin_data.plugin_name = "scalars"
-    with writer.as_default(step=int(row["step"])):
-        for key, value in row.items():
-            if key != "step":
-                tf.summary.write(key, tf.constant(value, tf.float32), metadata=kind)
-    writer.flush()
+    try:
+        with writer.as_default(step=int(row["step"])):
+            for key, value in row.items():
+                if key != "step":
+                    tf.summary.write(key, tf.constant(value, tf.float32), metadata=kind)
+        writer.flush()
+    except tf.errors.OpError as error:
+        raise InputError(
+            f"cannot write TensorBoard's log: {error.message}; "
+            "free some space, then run the same command again"
+        ) from error
 
 
-def _referenced_files(config: TrainConfig) -> dict[str, Path]:
-    """The TOML files that a configuration names, by its key."""
-    paths = {"ranges": Path(config.ranges), "mixture": Path(config.mixture)}
-    return {name: path for name, path in paths.items() if path.suffix == ".toml" and path.is_file()}
+def _referenced_files(config: TrainConfig) -> dict[str, tuple[Path, str]]:
+    """Return the TOML files that a configuration names, by key, each with the name of its copy in the run."""
+    files = {"ranges": (Path(config.ranges), RANGES_FILE), "mixture": (Path(config.mixture), MIXTURE_FILE)}
+    return {name: pair for name, pair in files.items() if pair[0].suffix == ".toml" and pair[0].is_file()}

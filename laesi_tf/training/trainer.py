@@ -1,7 +1,8 @@
-"""A network with its optimizer, and the compiled steps that train and evaluate it."""
+"""A network with its optimizer: compiled steps, and the loop over steps that every training here shares."""
 
-from collections.abc import Callable, Iterable
-from typing import Any
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
 
 import keras
 import numpy as np
@@ -9,44 +10,51 @@ import tensorflow as tf
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.models import batch_norm
-from laesi_tf.models.backbone import FROM_SCRATCH, build_backbone
-from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.optimizers import optimizer_variables
-from laesi_tf.training.tasks import make_task
-from laesi_tf.training.tasks.base import Task
+from laesi_tf.training.tasks.base import Array, Task
 
-# Batches (image uint8 [B, H, W, 3], target) as laesi_tf.data.synthetic.batches makes them.
 Batches = Iterable[tuple[tf.Tensor, tf.Tensor]]
-# From images to a model's output.
-Infer = Callable[[tf.Tensor], tf.Tensor]
+"""Images uint8 [B, H, W, 3] with the targets of a task, as `laesi_tf.data.synthetic` makes them."""
+
+
+class TrainingDiverged(InputError):
+    """The loss is no longer a finite number: the learning rate is too high for the optimizer."""
+
+
+class TrainedStep(NamedTuple):
+    """One step of training: its number from 1 on, its images, and their mean loss before it."""
+
+    number: int
+    images: tf.Tensor
+    loss: float
 
 
 class Trainer:
-    """`model` with its optimizer: a training step, an inference and a recalibration, each traced once.
+    """A network with its optimizer: training, inference and recalibration steps, each traced once.
 
-    What was traced serves any number of runs: `variables` are all that training changes, so setting them to
-    what they were before it starts another.
+    One trainer serves any number of runs: `variables` are all that training changes, so setting them to
+    earlier values starts another run without tracing again.
     """
 
-    def __init__(self, model: keras.Model, learned: Task, optimizer: keras.optimizers.Optimizer) -> None:
-        self.model, self.task, self.optimizer = model, learned, optimizer
+    def __init__(self, model: keras.Model, task: Task, optimizer: keras.optimizers.Optimizer) -> None:
+        self.model, self.task, self.optimizer = model, task, optimizer
         optimizer.build(model.trainable_variables)
-        # Before the step is traced: it sets the layers' momentum.
+        # It sets the layers' momentum, so it is made before the training step is traced.
         self.recalibrate = batch_norm.make_recalibrator(model)
-        self.infer = tf.function(lambda images: model(images, training=False))
-        self.step: Callable[[tf.Tensor, tf.Tensor], tf.Tensor] = tf.function(self._step)
+        self.predict_step = tf.function(lambda images: model(images, training=False))
+        self.train_step: Callable[[tf.Tensor, tf.Tensor], tf.Tensor] = tf.function(self._train_step)
 
     @property
     def variables(self) -> list[Any]:
-        """The model's variables, then the optimizer's, in an order that two equal learners share."""
+        """The network's variables, then the optimizer's; the order is the same for equal configurations."""
         return [*self.model.variables, *optimizer_variables(self.optimizer)]
 
-    def assess(self, batches: Batches) -> dict[str, np.ndarray]:
-        """What the task says of every picture in `batches`, [N] per key; and "loss", their mean [1]."""
-        return evaluate_batches(self.infer, self.task, batches)
+    def evaluate(self, batches: Batches) -> dict[str, Array]:
+        """Return the task's arrays over all images of `batches`, [N] by name, and "loss", their mean, [1]."""
+        return evaluate_batches(self.predict_step, self.task, batches)
 
-    def _step(self, images: tf.Tensor, target: tf.Tensor) -> tf.Tensor:
-        """Learn from one batch; the loss before it, a scalar."""
+    def _train_step(self, images: tf.Tensor, target: tf.Tensor) -> tf.Tensor:
+        """Update the network on one batch; return the loss before the update, a scalar."""
         with tf.GradientTape() as tape:
             loss = self.task.loss(self.model(images, training=True), target)
         variables = self.model.trainable_variables
@@ -54,42 +62,34 @@ class Trainer:
         return loss
 
 
+def train_steps(trainer: Trainer, batches: Batches, *, steps_done: int = 0) -> Iterator[TrainedStep]:
+    """Train on one batch after another and yield each step, numbered from `steps_done` + 1.
+
+    Raises TrainingDiverged at the first loss that is not a finite number.
+    """
+    for number, (images, target) in enumerate(batches, steps_done + 1):
+        loss = float(trainer.train_step(images, target))
+        if not math.isfinite(loss):
+            raise TrainingDiverged(f"training diverged: the loss is {loss} at step {number}")
+        yield TrainedStep(number, images, loss)
+
+
+def evaluate_network(model: keras.Model, task: Task, batches: Batches) -> dict[str, Array]:
+    """Return what `Trainer.evaluate` returns, for a network without an optimizer."""
+    return evaluate_batches(tf.function(lambda images: model(images, training=False)), task, batches)
+
+
 def evaluate_batches(
-    infer: Callable[[tf.Tensor], tf.Tensor], judged: Task, batches: Batches
-) -> dict[str, np.ndarray]:
-    """What `judged` says of `infer`'s outputs for every picture in `batches`, as `Learner.assess` does."""
-    found: dict[str, list[np.ndarray]] = {}
+    predict: Callable[[tf.Tensor], tf.Tensor], task: Task, batches: Batches
+) -> dict[str, Array]:
+    """Return the task's arrays for the outputs of `predict` on all images, and "loss", their mean, [1]."""
+    arrays: dict[str, list[Array]] = {}
     losses, sizes = [], []
     for images, target in batches:
-        output = infer(images)
-        losses.append(float(judged.loss(output, target)))
+        output = predict(images)
+        losses.append(float(task.loss(output, target)))
         sizes.append(len(images))
-        for key, values in judged.per_picture(output.numpy(), np.asarray(target)).items():
-            found.setdefault(key, []).append(values)
-    joined = {key: np.concatenate(values) for key, values in found.items()}
+        for name, values in task.sample_metrics(output.numpy(), np.asarray(target)).items():
+            arrays.setdefault(name, []).append(values)
+    joined = {name: np.concatenate(values) for name, values in arrays.items()}
     return joined | {"loss": np.array([np.average(losses, weights=sizes)])}
-
-
-class TrainingDiverged(InputError):
-    """The loss stopped being a number: the configuration asks too much of the optimizer."""
-
-
-def initialise_network(config: TrainConfig, *, origin: str | None = None) -> tuple[keras.Model, str]:
-    """A new network and its weights' origin; with an `origin`, one whose weights are about to be restored.
-
-    Batch normalisation is frozen as `config` has it. Two calls with the same seed give the same network.
-    """
-    keras.utils.set_random_seed(config.seed)
-    weights = config.weights if origin is None else FROM_SCRATCH
-    base, found = build_backbone(config.backbone, size=config.size, alpha=config.alpha, weights=weights)
-    origin = origin or found
-    if config.batch_norm == "frozen" and origin == FROM_SCRATCH:
-        raise InputError("batch_norm frozen needs pretrained weights; choose recalibrated")
-    if config.batch_norm == "frozen":
-        batch_norm.freeze(base)
-    return make_task(config).build(base), origin
-
-
-def evaluate_network(model: keras.Model, judged: Task, batches: Batches) -> dict[str, np.ndarray]:
-    """What `judged` says of every picture in `batches`, [N] per key; and "loss", their mean [1]."""
-    return evaluate_batches(tf.function(lambda images: model(images, training=False)), judged, batches)

@@ -16,11 +16,11 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.models import batch_norm
-from laesi_tf.training import trainer
+from laesi_tf.training.initialisation import initialise_network
 from laesi_tf.training.optimizers import OPTIMIZERS, optimizer_variables
 from laesi_tf.training.schedules import TableSchedule
 from laesi_tf.training.tasks import make_task
-from laesi_tf.training.trainer import Trainer
+from laesi_tf.training.trainer import Trainer, TrainingDiverged
 from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import FINAL_LEARNING_RATE, LEARNING_RATE, Point
 from sweeps.trials.training_data import TrainingData
@@ -60,7 +60,7 @@ class TrialRunner:
     def prepare(self, point: Point, seed: int) -> None:
         """Build and trace what `point` needs, if no trial before did."""
         if (point.start, seed) not in self._starts:
-            model, self.origins[point.start] = trainer.initialise_network(self.budget.config(point, seed))
+            model, self.origins[point.start] = initialise_network(self.budget.config(point, seed))
             self._starts[point.start, seed] = _copy_values(model.variables)
         if self.key(point) not in self._kept:
             self._kept[self.key(point)] = _CompiledNetwork(self.budget, point)
@@ -89,18 +89,18 @@ class TrialRunner:
         begun, used = time.perf_counter(), time.process_time()
         for step, (images, target) in enumerate(self.pictures.training(point.augmentations, seed), 1):
             alive()
-            losses.append(_require_finite(float(learner.step(images, target)), step))
+            losses.append(_require_finite(float(learner.train_step(images, target)), step))
             if len(fed) * self.budget.batch_size < self.budget.calibration:
                 fed.append(images)
             if step in judged_at:
                 found, spent, cpu = self._judged(learner, fed)
                 judging_s, judging_cpu_s = judging_s + spent, judging_cpu_s + cpu
-                reached(step, _require_finite(learner.task.figures(found)["mre"], step))
+                reached(step, _require_finite(learner.task.aggregate(found)["mre"], step))
         steps_s = time.perf_counter() - begun - judging_s
         steps_cpu_s = time.process_time() - used - judging_cpu_s
         found, spent, _ = self._judged(learner, fed)
         return TrialOutcome(
-            mre=_require_finite(learner.task.figures(found)["mre"], len(losses)),
+            mre=_require_finite(learner.task.aggregate(found)["mre"], len(losses)),
             losses=losses,
             found=found,
             parameters=learner.model.count_params(),
@@ -119,7 +119,7 @@ class TrialRunner:
 
         Other workers have the same processors; the least is what the network takes undisturbed.
         """
-        infer, one = self._kept[self.key(point)].learner.infer, self.pictures.validation[0][0][:1]
+        infer, one = self._kept[self.key(point)].learner.predict_step, self.pictures.validation[0][0][:1]
         infer(one)
         spent = []
         for _ in range(_TIMED_INFERENCES):
@@ -132,20 +132,20 @@ class TrialRunner:
         kept = self._kept[self.key(point)]
         _assign_values(kept.learner.model.variables, self._starts[point.start, seed])
         _assign_values(optimizer_variables(kept.learner.optimizer), kept.optimizer_values)
-        kept.rates.follow(point.schedule, peak=LEARNING_RATE, final=FINAL_LEARNING_RATE)
+        kept.rates.set_schedule(point.schedule, peak=LEARNING_RATE, final=FINAL_LEARNING_RATE)
         return kept.learner
 
     def _judged(self, learner: Trainer, fed: list[tf.Tensor]) -> tuple[dict[str, np.ndarray], float, float]:
         """What the validation pictures give, and the seconds and seconds of CPU time it took."""
         begun, used = time.perf_counter(), time.process_time()
         learner.recalibrate(lambda: batch_norm.calibration_batches(fed, self.budget.calibration))
-        found = learner.assess(self.pictures.validation)
+        found = learner.evaluate(self.pictures.validation)
         return found, time.perf_counter() - begun, time.process_time() - used
 
     def _traced(self, learner: Trainer) -> None:
         """One step and one judgement, for what they leave compiled."""
         images, target = next(self.pictures.training((), 0))
-        learner.step(images, target)
+        learner.train_step(images, target)
         self._judged(learner, [images] * -(-self.budget.calibration // len(images)))
 
 
@@ -154,7 +154,7 @@ class _CompiledNetwork:
 
     def __init__(self, budget: Budget, point: Point) -> None:
         config = budget.config(point, 0)
-        model, _ = trainer.initialise_network(config, origin="values that are about to be set")
+        model, _ = initialise_network(config, origin="values that are about to be set")
         self.rates = TableSchedule(budget.steps)
         self.learner = Trainer(model, make_task(config), OPTIMIZERS[point.optimizer](self.rates))
         self.optimizer_values = _copy_values(optimizer_variables(self.learner.optimizer))
@@ -171,5 +171,5 @@ def _assign_values(variables: Iterable[Any], values: Iterable[tf.Tensor]) -> Non
 
 def _require_finite(value: float, step: int) -> float:
     if not math.isfinite(value):
-        raise trainer.TrainingDiverged(f"training diverged: {value} at step {step}")
+        raise TrainingDiverged(f"training diverged: {value} at step {step}")
     return value

@@ -1,11 +1,17 @@
-"""The tasks that a network can be trained for: one module each, registered here."""
+"""The tasks that a network can be trained for: one module each, registered in TASKS."""
 
-from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.tasks.area import make_area_task
+from typing import TYPE_CHECKING
+
+from laesi_tf.training.tasks.area import AreaTask
 from laesi_tf.training.tasks.base import Task
-from laesi_tf.training.tasks.mask import make_mask_task
+from laesi_tf.training.tasks.mask import MaskTask
+
+if TYPE_CHECKING:
+    from laesi_tf.training.config import TrainConfig
+
+TASKS: dict[str, type[Task]] = {task.name: task for task in (AreaTask, MaskTask)}
 
 
-def make_task(config: TrainConfig) -> Task:
-    """The task a configuration names, with its loss."""
-    return make_area_task(config) if config.task == "area" else make_mask_task(config)
+def make_task(config: "TrainConfig") -> Task:
+    """Return the task that a configuration names."""
+    return TASKS[config.task](config)

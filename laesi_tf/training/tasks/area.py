@@ -1,36 +1,71 @@
 """Task `area`: regress the leaf area in cm2."""
 
-from functools import partial
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
+from laesi_tf.common.metrics import median_relative_error, mre, p90_relative_error, relative_errors
+from laesi_tf.training.tasks.base import Array, Arrays, Metrics, Task
 
-from laesi_tf.common import metrics
-from laesi_tf.models import area_network
-from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.tasks.base import Arrays, Task
-
-
-def make_area_task(config: TrainConfig) -> Task:
-    loss = area_network.LOSSES[0] if config.loss == "auto" else config.loss
-    return Task(
-        build=partial(area_network.build_area_network, transform=config.transform),
-        loss=partial(area_network.area_loss, transform=config.transform, loss=loss),
-        per_picture=partial(_sample_metrics, transform=config.transform),
-        figures=_aggregate,
-        score="mre",
-        higher_is_better=False,
-    )
+if TYPE_CHECKING:
+    import tensorflow as tf
+    from matplotlib.figure import Figure
 
 
-def _sample_metrics(output: np.ndarray, target: np.ndarray, *, transform: str) -> dict[str, np.ndarray]:
-    predicted, true = area_network.to_area_cm2(output[:, 0], transform), target[:, 0]
-    return {"predicted": predicted, "true": true, "error": metrics.relative_errors(predicted, true)}
+class AreaTask(Task):
+    """Targets are float32 [3]: area in cm2, pixels per mm at the leaf, fraction of the image that is leaf."""
 
-
-def _aggregate(found: Arrays) -> dict[str, float]:
-    pair = found["predicted"], found["true"]
-    return {
-        "mre": metrics.mre(*pair),
-        "median": metrics.median_relative_error(*pair),
-        "p90": metrics.p90_relative_error(*pair),
+    name = "area"
+    title = "Leaf area"
+    losses = ("huber", "l1", "mse")
+    main_metric = "mre"
+    higher_is_better = False
+    metric_labels: ClassVar = {
+        "mre": "mean relative error of the area, MRE (%)",
+        "median": "median relative error (%)",
+        "p90": "90th percentile of the relative error (%)",
     }
+
+    def make_target(self, sample: "Mapping[str, tf.Tensor]") -> "tf.Tensor":
+        from laesi_tf.data.synthetic import make_target
+
+        return make_target(dict(sample), "area")
+
+    def loss(self, output: "tf.Tensor", target: "tf.Tensor") -> "tf.Tensor":
+        from laesi_tf.models.area_network import area_loss
+
+        return area_loss(output, target, transform=self.config.transform, loss=self.loss_name)
+
+    def sample_metrics(self, output: Array, target: Array) -> dict[str, Array]:
+        from laesi_tf.models.area_network import to_area_cm2
+
+        predicted, true = to_area_cm2(output[:, 0], self.config.transform), target[:, 0]
+        return {"predicted": predicted, "true": true, "error": relative_errors(predicted, true)}
+
+    def aggregate(self, arrays: Arrays) -> dict[str, float]:
+        areas = arrays["predicted"], arrays["true"]
+        return {
+            "mre": mre(*areas),
+            "median": median_relative_error(*areas),
+            "p90": p90_relative_error(*areas),
+        }
+
+    def headline(self, metrics: Metrics, validation_name: str) -> str:
+        return (
+            f"On {validation_name} the area is off by {metrics['mre']:.1f} % on average; "
+            f"half are within {metrics['median']:.1f} %, nine in ten within {metrics['p90']:.1f} %."
+        )
+
+    def summary(self, metrics: Metrics) -> str:
+        return (
+            f"MRE {metrics['mre']:.2f} %, median {metrics['median']:.2f} %, "
+            f"90th percentile {metrics['p90']:.2f} %"
+        )
+
+    def caption(self, arrays: Mapping[str, float]) -> str:
+        predicted, true = arrays["predicted"], arrays["true"]
+        return f"{predicted:.1f} cm² for {true:.1f} cm²: {100 * (predicted / true - 1):+.1f} %"
+
+    def charts(self, arrays: Arrays) -> "list[tuple[str, Figure]]":
+        from laesi_tf.reporting.run_charts import plot_predicted_against_true
+
+        return [("Predicted against true", plot_predicted_against_true(arrays["predicted"], arrays["true"]))]
