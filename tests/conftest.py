@@ -21,8 +21,9 @@ def pytest_configure(config: pytest.Config) -> None:
     and 13 s from the cache, with the same bytes. TensorFlow reads these variables when it is imported; it
     logs each load from the cache as an error.
     """
-    cache: Path = config.cache.mkdir("xla")  # type: ignore[union-attr]
-    os.environ.setdefault("TF_XLA_FLAGS", f"--tf_xla_persistent_cache_directory={cache}")
+    if config.pluginmanager.hasplugin("cacheprovider"):
+        cache: Path = config.cache.mkdir("xla")  # type: ignore[union-attr]
+        os.environ.setdefault("TF_XLA_FLAGS", f"--tf_xla_persistent_cache_directory={cache}")
     os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
 
