@@ -18,8 +18,8 @@ class MaskOnlyEstimator:
         self._size = size
         self._predict = compile_inference(model, size)
 
-    def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
-        """As `Estimator.measure`: leaf is where the network, stretched to the photo, says so by half."""
-        small, placement = letterbox_image(image, self._size)
-        leaf = placement.to_photo(self._predict(small[np.newaxis])[0, ..., 0])
-        return Measurement(method=METHOD, mask=leaf >= 0.5, refusal="a mask alone has no scale")
+    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+        """Measure as `Estimator.measure`: the mask is the network's, resized to the photo, above one half."""
+        small, letterbox = letterbox_image(image, self._size)
+        probability = letterbox.crop_and_resize_back(self._predict(small[np.newaxis])[0, ..., 0])
+        return Measurement(method=METHOD, mask=probability >= 0.5, refusal="a mask alone has no scale")

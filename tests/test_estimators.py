@@ -1,4 +1,4 @@
-"""The estimators made of networks, on networks whose answer is known."""
+"""Estimators with networks whose output is known."""
 
 import math
 from pathlib import Path
@@ -7,7 +7,7 @@ import cv2
 import keras
 import numpy as np
 import pytest
-from conformance import EstimatorConformance
+from estimator_conformance import EstimatorConformance
 from green import area_network, disk, mask_network, photo, save_run
 from sheets import drawn, jacobian
 
@@ -15,43 +15,43 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.factory import load_estimator
-from laesi_tf.estimators.leaf_outline import looks_like_pen
+from laesi_tf.estimators.leaf_outline import LeafOutlineParams, looks_like_pen
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
 
 SIZE = (64, 64)
 
 
-class TestRegression(EstimatorConformance):
+class TestAreaEstimator(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
         return AreaEstimator(area_network(SIZE), SIZE, "none")
 
 
-class TestSegmentation(EstimatorConformance):
+class TestMaskEstimator(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
         return MaskEstimator(mask_network(SIZE), SIZE)
 
 
-class TestReading(EstimatorConformance):
+class TestRulingEstimator(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
-        segmentation = MaskEstimator(mask_network((48, 64)), (48, 64))
-        return RulingEstimator(segmentation, AreaEstimator(area_network(SIZE), SIZE, "none"))
+        mask_estimator = MaskEstimator(mask_network((48, 64)), (48, 64))
+        return RulingEstimator(mask_estimator, AreaEstimator(area_network(SIZE), SIZE, "none"))
 
 
-class TestReadingAlone(EstimatorConformance):
+class TestRulingEstimatorWithoutAreaNetwork(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
         return RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE))
 
 
-def test_reading_measures_a_disk_on_drawn_paper() -> None:
+def test_ruling_estimator_measures_a_disk_on_drawn_paper() -> None:
     image, forward = drawn(px_per_mm=5.0, turn=0.4, tilt=(0.1, -0.05))
     leaf = disk(*image.shape[:2], radius=0.2)
     image[leaf] = (40, 160, 40)
@@ -67,40 +67,40 @@ def test_reading_measures_a_disk_on_drawn_paper() -> None:
     assert found.uncertainty_cm2 is not None and 0.001 * true < found.uncertainty_cm2 < 0.05 * true
 
 
-def test_reading_falls_back_and_says_so() -> None:
-    segmentation, regression = (
+def test_ruling_estimator_falls_back_and_says_so() -> None:
+    mask_estimator, area_estimator = (
         MaskEstimator(mask_network(SIZE), SIZE),
         AreaEstimator(area_network(SIZE), SIZE, "none"),
     )
-    measured = RulingEstimator(segmentation, regression).measure(photo(200, 200))
+    measured = RulingEstimator(mask_estimator, area_estimator).measure(photo(200, 200))
     assert measured.method == "regression, no ruling read"
-    assert measured.area_cm2 == regression.measure(photo(200, 200)).area_cm2
-    alone = RulingEstimator(segmentation).measure(photo(200, 200))
+    assert measured.area_cm2 == area_estimator.measure(photo(200, 200)).area_cm2
+    alone = RulingEstimator(mask_estimator).measure(photo(200, 200))
     assert alone.refusal is not None and "no ruling" in alone.refusal and alone.mask is not None
 
 
-def test_the_area_network_is_asked_once() -> None:
-    regression = AreaEstimator(area_network(SIZE), SIZE, "none")
-    asked, predict = [], regression._predict
-    regression._predict = lambda pictures: asked.append(len(pictures)) or predict(pictures)
-    RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), regression).measure(photo(200, 200))
-    assert asked == [1]
+def test_area_network_runs_once() -> None:
+    area_estimator = AreaEstimator(area_network(SIZE), SIZE, "none")
+    batches, predict = [], area_estimator._predict
+    area_estimator._predict = lambda images: batches.append(len(images)) or predict(images)
+    RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), area_estimator).measure(photo(200, 200))
+    assert batches == [1]
 
 
-def test_regression_sees_the_whole_photo_with_square_pixels() -> None:
+def test_area_network_gets_the_whole_photo_with_square_pixels() -> None:
     estimator = AreaEstimator(area_network((64, 64)), (64, 64), "none")
     landscape = estimator.measure(photo(300, 600)).area_cm2
-    # A disk of 0.3 of the shorter side, which is half of the input's side, the rest being filled.
+    # A disk of 0.3 of the shorter side, which is half of the input's side; the rest is padding.
     assert landscape == pytest.approx(100 * math.pi * 0.15**2, rel=0.05)
 
 
-def test_regression_inverts_the_transform() -> None:
+def test_area_estimator_inverts_the_transform() -> None:
     plain = AreaEstimator(area_network(SIZE), SIZE, "none").measure(photo(200, 200)).area_cm2
     root = AreaEstimator(area_network(SIZE), SIZE, "sqrt").measure(photo(200, 200)).area_cm2
     assert plain is not None and root == pytest.approx(plain**2)
 
 
-def test_regression_refuses_what_is_not_a_number() -> None:
+def test_area_estimator_refuses_output_that_is_not_finite() -> None:
     picture = keras.Input((*SIZE, 3))
     broken = keras.Model(picture, keras.layers.Rescaling(math.nan)(keras.layers.Dense(1)(picture[:, 0, 0])))
     measured = AreaEstimator(broken, SIZE, "none").measure(photo(100, 100))
@@ -129,7 +129,7 @@ def test_without_scale_the_area_is_refused_and_the_mask_given() -> None:
     assert measured.area_cm2 is None and measured.mask is not None and measured.leaves[0].outline is not None
 
 
-def test_only_the_largest_piece_is_the_leaf() -> None:
+def test_small_fragments_are_no_leaves() -> None:
     image = photo(200, 200)
     image[5:15, 5:15] = (40, 160, 40)
     mask = MaskEstimator(mask_network((100, 100)), (100, 100)).measure(image).mask
@@ -138,10 +138,10 @@ def test_only_the_largest_piece_is_the_leaf() -> None:
 
 def test_no_leaf_is_refused() -> None:
     blank = np.full((100, 100, 3), 240, np.uint8)
-    segmentation = MaskEstimator(mask_network(SIZE), SIZE)
+    mask_estimator = MaskEstimator(mask_network(SIZE), SIZE)
     for estimator in (
-        segmentation,
-        RulingEstimator(segmentation, AreaEstimator(area_network(SIZE), SIZE, "none")),
+        mask_estimator,
+        RulingEstimator(mask_estimator, AreaEstimator(area_network(SIZE), SIZE, "none")),
     ):
         measured = estimator.measure(blank, PhotoInfo(px_per_mm=4.0))
         assert measured.refusal is not None and "no leaf" in measured.refusal
@@ -161,8 +161,9 @@ def test_load_estimator_follows_the_runs_task(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("turn", [0, 25, 90])
-def test_pens_are_no_leaves_and_slender_leaves_no_pens(turn):
+def test_pens_are_not_leaves_and_slender_leaves_not_pens(turn):
+    params = LeafOutlineParams()
     pen = cv2.boxPoints(((300.0, 200.0), (400.0, 40.0), float(turn)))
     leaf = cv2.ellipse2Poly((300, 200), (200, 20), turn, 0, 360, 3)
-    assert looks_like_pen(pen) and not looks_like_pen(leaf)
-    assert not looks_like_pen(cv2.boxPoints(((300.0, 200.0), (400.0, 200.0), float(turn))))
+    assert looks_like_pen(pen, params) and not looks_like_pen(leaf, params)
+    assert not looks_like_pen(cv2.boxPoints(((300.0, 200.0), (400.0, 200.0), float(turn))), params)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conformance import EstimatorConformance
 from discs import disc
+from estimator_conformance import EstimatorConformance
 from green import disk, mask_network, photo
 from PIL import Image
 

@@ -1,86 +1,158 @@
-"""Points, homographies, polygons and contours in NumPy, in one convention."""
+"""Points, homographies, polygons and contours in NumPy, in one convention.
+
+Points are (x, y) floats in the last axis of an array. The pixel in row i and column j covers [j, j + 1] x
+[i, i + 1], so that its centre lies at (j + 0.5, i + 0.5) and an image covers [0, width] x [0, height]. OpenCV
+places pixel centres at whole numbers; only `from_cv2_contour` and `to_cv2_points` know it. Its boxes
+(`boundingRect`, `connectedComponentsWithStats`) are in this convention already: left, top, width and height
+count whole pixels.
+"""
+
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-
-def trace_largest_contour(mask: np.ndarray) -> np.ndarray:
-    """Outer contour [N, 2], (x, y) at pixel centres, of the largest piece of `mask`, bool [H, W]."""
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-    return max(contours, key=cv2.contourArea)[:, 0, :]
-
-
-_SMOOTH = 1.0
-"""Standard deviation, pixels, of the blur whose level of one half the outline follows: it takes the steps
-off."""
+_SMOOTHING_PX = 1.0
+"""Standard deviation of the blur, pixels, whose level of one half an outline follows: it removes steps."""
 _LOGIT_TO_SIGMA = 0.6
-_PAD = 4
-_LEAST_HOLE_PX = 6.0
+"""Slope of the normal distribution's quantile by the logit: within 5 % from 0.1 to 0.9."""
+_PADDING_PX = 4
+_MIN_HOLE_PX = 6.0
+"""Area in pixels below which a hole is noise."""
 
 
-def trace_polygons(mask: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-    """Outer margin and holes of the largest piece of `mask`, bool [h, w].
+class ImageSize(NamedTuple):
+    """Height and width of an image in pixels."""
 
-    Each is [N, 2], (x, y) with pixel centres at halves.
-    """
-    padded = np.pad(mask.astype(np.uint8), _PAD)
-    contours, hierarchy = cv2.findContours(padded, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    outer = max(
-        (index for index in range(len(contours)) if hierarchy[0, index, 3] < 0),
-        key=lambda index: cv2.contourArea(contours[index]),
-    )
-    inner = [contours[index] for index in range(len(contours)) if hierarchy[0, index, 3] == outer]
-    soft = cv2.GaussianBlur(padded.astype(np.float32), (0, 0), _SMOOTH)
-    holes = [_move_to_half_level(soft, hole[:, 0]) for hole in inner]
-    return _move_to_half_level(soft, contours[outer][:, 0]), tuple(
-        hole for hole in holes if abs(polygon_area(hole)) >= _LEAST_HOLE_PX
-    )
+    height: int
+    width: int
+
+    @classmethod
+    def of(cls, image: np.ndarray) -> "ImageSize":
+        """Return the size of `image` [H, W, ...]."""
+        return cls(image.shape[0], image.shape[1])
+
+    @property
+    def xy(self) -> np.ndarray:
+        """int [2]: the image's lower right corner, (width, height)."""
+        return np.array([self.width, self.height])
 
 
-def _move_to_half_level(soft: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Border `pixels` [N, 2] moved along the slope of the blurred mask to where it is one half."""
-    x, y = pixels.T
-    slope = np.stack([soft[y, x + 1] - soft[y, x - 1], soft[y + 1, x] - soft[y - 1, x]], axis=1) / 2
-    level = np.clip(soft[y, x], 0.02, 0.98)
-    # How far inside a straight edge the blur has this level: nearly the normal distribution's quantile.
-    depth = _LOGIT_TO_SIGMA * _SMOOTH * np.log(level / (1 - level))
-    # On a line a pixel wide there is no slope to follow.
-    outward = -slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 0.05)
-    return pixels + depth[:, None] * outward + 0.5 - _PAD
+class Polygon(NamedTuple):
+    """An outline with its holes."""
+
+    outer: np.ndarray
+    """[N, 2] outer contour."""
+    holes: tuple[np.ndarray, ...] = ()
+    """The contours [n, 2] of its holes."""
+
+    @property
+    def rings(self) -> tuple[np.ndarray, ...]:
+        """The outer contour, then those of the holes."""
+        return self.outer, *self.holes
+
+
+def from_cv2_contour(contour: np.ndarray) -> np.ndarray:
+    """Return OpenCV's `contour` [N, 1, 2], pixel centres at whole numbers, as points float64 [N, 2]."""
+    return contour[:, 0].astype(np.float64) + 0.5
+
+
+def to_cv2_points(points: np.ndarray, *, shift: int = 0) -> np.ndarray:
+    """Return `points` [N, 2] as int32 [N, 2] for OpenCV's drawing functions, with `shift` fractional bits."""
+    return np.round((points - 0.5) * 2**shift).astype(np.int32)
 
 
 def apply_homography(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """`points` [N, 2] through a homography [3, 3]."""
+    """Map `points` [N, 2] through a homography [3, 3]: float64 [N, 2]."""
     homogeneous = np.column_stack([points, np.ones(len(points))]) @ homography.T
     return homogeneous[:, :2] / homogeneous[:, 2:]
 
 
+def compute_mm2_per_px(to_mm: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the sheet area in mm2 that one pixel covers at `points` [N, 2]: float64 [N].
+
+    It is the Jacobian's determinant of the homography `to_mm` [3, 3] from pixels to millimetres.
+    """
+    w = points @ to_mm[2, :2] + to_mm[2, 2]
+    return abs(np.linalg.det(to_mm)) / np.abs(w) ** 3
+
+
 def compute_px_per_mm(to_mm: np.ndarray, point: np.ndarray) -> float:
-    """Scale at `point` [2] of a homography from pixels to mm, in geometric mean over directions."""
-    w = to_mm[2] @ [*point, 1]
-    return float(np.sqrt(abs(w) ** 3 / abs(np.linalg.det(to_mm))))
+    """Return the scale at `point` [2] of a homography [3, 3] from pixels to millimetres.
 
-
-def polygon_centroid(outline: np.ndarray) -> np.ndarray:
-    """Middle [2] of the area within a polygon [N, 2]."""
-    middle = outline.mean(axis=0)
-    one, other = outline - middle, np.roll(outline - middle, -1, axis=0)
-    cross = one[:, 0] * other[:, 1] - other[:, 0] * one[:, 1]
-    return middle + ((one + other) * cross[:, None]).sum(axis=0) / max(3 * abs(cross.sum()), 1e-9) * np.sign(
-        cross.sum()
-    )
-
-
-def main_axis(outline: np.ndarray) -> np.ndarray:
-    """Direction [2], of unit length, in which the area within a polygon [N, 2] extends most."""
-    one = outline - polygon_centroid(outline)
-    other = np.roll(one, -1, axis=0)
-    cross = one[:, 0] * other[:, 1] - other[:, 0] * one[:, 1]
-    products = [np.einsum("n,ni,nj->ij", cross, a, b) for a, b in ((one, one), (one, other), (other, other))]
-    moments = products[0] + (products[1] + products[1].T) / 2 + products[2]
-    return np.linalg.eigh(moments * np.sign(cross.sum()))[1][:, 1]
+    Where tilt makes the scale differ between directions it is their geometric mean.
+    """
+    return float(1 / np.sqrt(compute_mm2_per_px(to_mm, point[np.newaxis])[0]))
 
 
 def polygon_area(polygon: np.ndarray) -> float:
+    """Return the area within `polygon` [N, 2] by the shoelace formula; its sign tells the orientation."""
     x, y = (polygon - polygon[0]).T
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
+
+
+def polygon_perimeter(polygon: np.ndarray) -> float:
+    """Return the length of the closed `polygon` [N, 2]."""
+    return float(np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum())
+
+
+def polygon_centroid(polygon: np.ndarray) -> np.ndarray:
+    """Return the centroid [2] of the area within `polygon` [N, 2]."""
+    middle = polygon.mean(axis=0)
+    start, end = polygon - middle, np.roll(polygon - middle, -1, axis=0)
+    cross = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
+    moment = ((start + end) * cross[:, np.newaxis]).sum(axis=0)
+    return middle + moment / max(3 * abs(cross.sum()), 1e-9) * np.sign(cross.sum())
+
+
+def polygon_main_axis(polygon: np.ndarray) -> np.ndarray:
+    """Return the direction [2], of unit length, in which the area within `polygon` [N, 2] extends most.
+
+    It is the principal axis of the area's second moments and does not depend on where the vertices lie.
+    """
+    start = polygon - polygon_centroid(polygon)
+    end = np.roll(start, -1, axis=0)
+    cross = start[:, 0] * end[:, 1] - end[:, 0] * start[:, 1]
+    pairs = ((start, start), (start, end), (end, end))
+    same_start, mixed, same_end = (np.einsum("n,ni,nj->ij", cross, a, b) for a, b in pairs)
+    moments = same_start + (mixed + mixed.T) / 2 + same_end
+    return np.linalg.eigh(moments * np.sign(cross.sum()))[1][:, 1]
+
+
+def trace_polygons(mask: np.ndarray) -> list[Polygon]:
+    """Trace the connected components of `mask`, bool [h, w], largest first; none of an empty mask.
+
+    The outlines follow the level of one half of the slightly blurred mask, with subpixel precision. Holes of
+    less than 6 pixels are left out.
+    """
+    padded = np.pad(mask.astype(np.uint8), _PADDING_PX)
+    contours, hierarchy = cv2.findContours(padded, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    if not contours:
+        return []
+    parents = hierarchy[0, :, 3]
+    outer = [index for index in range(len(contours)) if parents[index] < 0]
+    outer.sort(key=lambda index: cv2.contourArea(contours[index]), reverse=True)
+    blurred = cv2.GaussianBlur(padded.astype(np.float32), (0, 0), _SMOOTHING_PX)
+    polygons = []
+    for index in outer:
+        inner = [contours[hole] for hole in range(len(contours)) if parents[hole] == index]
+        holes = [_move_to_half_level(blurred, hole) for hole in inner]
+        large = tuple(hole for hole in holes if abs(polygon_area(hole)) >= _MIN_HOLE_PX)
+        polygons.append(Polygon(_move_to_half_level(blurred, contours[index]), large))
+    return polygons
+
+
+def _move_to_half_level(blurred: np.ndarray, contour: np.ndarray) -> np.ndarray:
+    """Move the pixels of OpenCV's `contour` [N, 1, 2] along the gradient to where `blurred` is one half.
+
+    Returns points [N, 2] in the mask without its padding.
+    """
+    x, y = contour[:, 0].T
+    slope_x, slope_y = blurred[y, x + 1] - blurred[y, x - 1], blurred[y + 1, x] - blurred[y - 1, x]
+    gradient = np.stack([slope_x, slope_y], axis=1) / 2
+    level = np.clip(blurred[y, x], 0.02, 0.98)
+    # The distance inside a straight edge at which the blur has this level is nearly the normal quantile.
+    depth = _LOGIT_TO_SIGMA * _SMOOTHING_PX * np.log(level / (1 - level))
+    # A line one pixel wide has no gradient to follow.
+    outward = -gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 0.05)
+    return from_cv2_contour(contour) + depth[:, np.newaxis] * outward - _PADDING_PX

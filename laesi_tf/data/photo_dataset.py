@@ -84,8 +84,8 @@ def load_sample(photo: Photo, *, size: tuple[int, int], masked: bool) -> dict[st
     """The picture of one photo. Raises InputError, with `masked` also for a photo without a mask."""
     if masked and photo.mask is None:
         raise InputError(f"{photo.name} has no mask in its manifest; add one to train on masks")
-    image, placement = letterbox_image(decode_photo(photo.image), size)
-    scale = math.nan if photo.px_per_mm is None else photo.px_per_mm * math.sqrt(math.prod(placement.scale))
+    image, letterbox = letterbox_image(decode_photo(photo.image), size)
+    scale = math.nan if photo.px_per_mm is None else photo.px_per_mm * math.sqrt(letterbox.scale.prod())
     return {
         "image": image,
         "mask": np.zeros(size, np.uint8)

@@ -15,36 +15,40 @@ METHOD = "regression"
 
 
 class AreaPrediction(NamedTuple):
-    """What the area network says of a photo."""
+    """What the area network predicts of a photo."""
 
     area_cm2: float
-    """Of one leaf; NaN from a network that gives no number."""
+    """Area of one leaf; NaN where the network's output is not finite."""
     px_per_mm: float | None
-    """Scale of the photo at the leaf; None from a network that has no idea of it."""
+    """Scale of the photo at the leaf; None from a network without this output."""
 
 
 class AreaEstimator:
-    """The area network of a run; it makes no outline."""
+    """Measures with an area network; it makes no outline."""
 
-    def __init__(self, model: keras.Model, size: tuple[int, int], transform: str) -> None:
-        """Take a model [B, h, w, 3] in 0..255 -> [B, n], transformed area first; `size` is (h, w)."""
-        self._size = size
+    def __init__(self, model: keras.Model, input_size: tuple[int, int], transform: str) -> None:
+        """Take a model [B, h, w, 3] in 0..255 -> [B, n], whose first output is the transformed area.
+
+        `input_size` is (height, width); `transform` is what training applied to the area.
+        """
+        self._input_size = input_size
         self._transform = transform
-        self._predict = compile_inference(model, size)
+        self._predict = compile_inference(model, input_size)
 
-    def guess(self, views: PhotoPyramid) -> AreaPrediction:
-        """The network's own idea of the area of the leaf on a photo and of the photo's scale."""
-        small, placement = views.fitted(self._size)
-        output = self._predict(small[np.newaxis])[0]
+    def predict_area(self, pyramid: PhotoPyramid) -> AreaPrediction:
+        """Predict the area of the leaf on a photo and the photo's scale."""
+        image, letterbox = pyramid.letterboxed(self._input_size)
+        output = self._predict(image[np.newaxis])[0]
         area = float(to_area_cm2(output[0], self._transform))
-        scale = math.nan
+        px_per_mm = math.nan
         if len(output) > 1:
-            scale = math.exp(output[1]) / placement.scale[0] * float(views.whole.step[0])
-        return AreaPrediction(area, scale if math.isfinite(scale) and scale > 0 else None)
+            photo_px = pyramid.overview.pixel_size / letterbox.scale
+            px_per_mm = math.exp(output[1]) * float(photo_px[0])
+        return AreaPrediction(area, px_per_mm if math.isfinite(px_per_mm) and px_per_mm > 0 else None)
 
-    def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
-        """As `Estimator.measure`, for one leaf."""
-        area = self.guess(PhotoPyramid(image)).area_cm2
+    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+        """Measure as `Estimator.measure`, one leaf; `info` is not used."""
+        area = self.predict_area(PhotoPyramid(image)).area_cm2
         if not math.isfinite(area):
-            return Measurement(method=METHOD, refusal="the area model gives no number; train it again")
+            return Measurement(method=METHOD, refusal="the area model's output is not finite; train it again")
         return Measurement(method=METHOD, leaves=(LeafMeasurement(area_cm2=area),))

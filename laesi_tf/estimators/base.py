@@ -12,64 +12,70 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoInfo:
-    """What is known about a photo before it is measured; an estimator that finds out by itself ignores it."""
+    """What is known about a photo before it is measured; an estimator that measures it itself ignores it."""
 
     px_per_mm: float | None = None
-    """Scale at the leaf's centroid, as with a scanner's resolution."""
+    """Scale at the leaf's area centroid, such as a scanner's resolution."""
     grid_mm: float = 1.0
     """Distance between the finest lines of the paper."""
 
 
 UNKNOWN = PhotoInfo()
+"""Nothing is known but that the paper is millimetre paper."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeafMeasurement:
-    """One leaf; what an estimator does not find out is None."""
+    """One leaf; None stands for what the estimator does not measure."""
 
     area_cm2: float | None = None
     """Flat one-sided area, holes subtracted, petiole included."""
     uncertainty_cm2: float | None = None
     """Standard deviation of `area_cm2`."""
     px_per_mm: float | None = None
-    """Scale at the leaf's centroid that the area rests on."""
+    """Scale at the leaf's area centroid with which the area was computed."""
     length_mm: float | None = None
     """Longest extent along the leaf's main axis, petiole included."""
     width_mm: float | None = None
     """Largest extent across the main axis."""
     perimeter_mm: float | None = None
-    """Length of the outer margin."""
+    """Length of the outer contour."""
     holes_cm2: float | None = None
-    """Area of the holes, which `area_cm2` leaves out."""
+    """Area of the holes, which `area_cm2` does not contain."""
     outline: np.ndarray | None = None
-    """[N, 2] outer contour as (x, y) in photo pixels, pixel centres at whole numbers."""
+    """[N, 2] outer contour, points (x, y) in photo pixels, see `common.geometry`."""
     holes: tuple[np.ndarray, ...] = ()
-    """The contours of its holes in the same way."""
+    """The contours [n, 2] of the holes."""
     note: str | None = None
-    """What a user must know before believing the area: that the photo cuts the leaf off."""
+    """A reason to doubt the area of this leaf, such as that the photo cuts it off."""
+
+    @property
+    def rings(self) -> tuple[np.ndarray, ...]:
+        """The outer contour and those of the holes; none without an outline."""
+        return () if self.outline is None else (self.outline, *self.holes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:
-    """What an estimator says about one photo: an area for each leaf, or a refusal and no area at all.
+    """The result for one photo: an area for each leaf, or a refusal and no area at all.
 
-    Leaves come in reading order, row by row. A refused measurement may still hold leaves, with outlines but
-    no areas.
+    Leaves are in reading order, row by row. A refused measurement may still hold leaves, with outlines but
+    without areas.
     """
 
     method: str
     """How it was measured, for people: `regression`, `mask x given scale`."""
     leaves: tuple[LeafMeasurement, ...] = ()
     mask: np.ndarray | None = None
-    """bool [H, W] at the photo's size, True on any leaf; None from an estimator that makes no masks."""
+    """bool [H, W] at the photo's size, True on any leaf; None from an estimator without masks."""
     to_mm: np.ndarray | None = None
-    """Homography [3, 3] from photo pixels, their centres at halves, to mm on the sheet; None if not found."""
+    """Homography [3, 3] from photo pixels to mm on the sheet; None if not found."""
     tilt_deg: float | None = None
-    """Angle between the camera's axis and the sheet's normal; None if not found."""
+    """Angle between the optical axis and the sheet's normal; None if not found."""
     note: str | None = None
-    """What casts doubt on all areas: that the ruling was hard to read."""
+    """A reason to doubt all areas, such as a low confidence in the ruling."""
     refusal: str | None = None
-    """Why no area is given and what would help, or None."""
+    """Why there is no area and what would help, or None."""
 
     @property
     def area_cm2(self) -> float | None:
@@ -81,19 +87,19 @@ class Measurement:
 class Estimator(Protocol):
     """A way to measure leaves on a photo."""
 
-    def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
+    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure the leaves on `image`, uint8 [H, W, 3] RGB, upright, of any size.
 
-        The same image gives the same measurement, whatever was measured before; `image` is not changed. An
+        The same image gives the same measurement, independent of earlier ones; `image` is not changed. An
         image that cannot be measured is refused in the result, not by an exception.
         """
         ...
 
 
 def sort_in_reading_order(boxes: np.ndarray) -> list[int]:
-    """Indices of `boxes` [N, 2, 2], (x, y) of their corners, row by row from the top, each from the left.
+    """Return the indices of `boxes` [N, 2, 2], corners (x, y), by rows from the top and from left to right.
 
-    A box whose middle lies within the height of a row's first box belongs to that row.
+    A box belongs to a row if its middle is not below the bottom of the row's first box.
     """
     waiting = sorted(range(len(boxes)), key=lambda index: float(boxes[index, :, 1].mean()))
     order: list[int] = []

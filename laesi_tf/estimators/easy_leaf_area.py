@@ -1,57 +1,81 @@
-"""Easy Leaf Area: leaf and a red square of known area by rules on colour, and the ratio of their pixels.
+"""Easy Leaf Area: leaf and a red square of known area by colour rules; the area is a ratio of pixels.
 
 Easlon and Bloom (2014), "Easy Leaf Area: Automated digital image analysis for rapid and accurate measurement
 of leaf area", Applications in Plant Sciences 2(7), 1400033; the paper's rule-based baseline. The rules, their
-automatic setting and its constants (those for Arabidopsis, which the software starts with) are those of
-github.com/heaslon/Easy-Leaf-Area, ela.py. Two things differ. What is too small for a leaf is left out, which
-the software does when asked. And where the largest red thing is no square, it is not taken for the scale.
+automatic setting and its constants (those for Arabidopsis, the software's defaults) are those of
+github.com/heaslon/Easy-Leaf-Area, ela.py. Two things differ: components too small for a leaf are left out,
+which is an option of the software, and the largest red component is the scale only if it is a square.
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from laesi_tf.common.geometry import trace_largest_contour
-from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo, sort_in_reading_order
+from laesi_tf.common.geometry import trace_polygons
+from laesi_tf.estimators.base import (
+    UNKNOWN,
+    LeafMeasurement,
+    Measurement,
+    PhotoInfo,
+    sort_in_reading_order,
+)
 from laesi_tf.estimators.leaf_outline import CUT_OFF, PlacedMask, paint_masks
 from laesi_tf.estimators.mask_estimator import NO_LEAF
+from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 
 NAME = "rule_based"
 """What commands take in place of a training run."""
-SQUARE_CM2 = 4.0
-"""What the software takes a square for."""
-_SQUARE, _GIVEN = "leaf colour x red square", "leaf colour x given scale"
-_NO_SQUARE = "no red square found; lay one of 4 cm2 flat beside the leaf, well lit, or give px_per_mm"
-_SAMPLED = 500
-"""Pixels along the longer side that the rules are set on: an eighth of a photo's, as in the software."""
-_ENOUGH = 0.0025
-"""Share of the photo that is leaf or square for sure, by which the rules are set."""
-_LEAST_LEAF = 500 / (1000 * 750)
-"""Share of the photo below which something green is no leaf."""
-_LEAST_SQUARE_PX = 25
-_FULL, _LONG = 0.75, 1.6
-"""Share of the box around it that a square fills at least, and the longest of its sides over the shortest."""
+_BY_SQUARE, _BY_GIVEN_SCALE = "leaf colour x red square", "leaf colour x given scale"
+_NO_SQUARE = (
+    "no red square found; place one of 4 cm2 flat beside the leaf, well lit, or give the scale with "
+    "--px-per-mm (in a manifest: column px_per_mm)"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EasyLeafAreaParams:
+    """Parameters of Easy Leaf Area that are not constants of its colour rules."""
+
+    square_cm2: float = parameter(4.0, unit="cm2", set_on="the software's default")
+    """Area of the red square."""
+    sample_side_px: int = parameter(
+        500, unit="pixels", set_on="an eighth of a photo's side, as in the software"
+    )
+    """Longer side of the reduced image that the rules are fitted to."""
+    min_sample_share: float = parameter(0.0025, unit="share of the image", set_on="ela.py")
+    """Share of pixels by which a rule is fitted."""
+    min_leaf_share: float = parameter(
+        500 / (1000 * 750), unit="share of the photo", set_on="ela.py, an option"
+    )
+    """Smaller green components are no leaves."""
+    min_square_px: float = parameter(25.0, unit="overview pixels")
+    """Smaller red components are no squares."""
+    min_square_fill: float = parameter(0.75, unit="share of the box")
+    """A square fills at least so much of the box around it."""
+    max_square_aspect: float = parameter(1.6, unit="longer over shorter side")
+    """A square in perspective is at most so oblong."""
 
 
 class Rule(NamedTuple):
-    """A pixel belongs where its own colour is above `least`, and above `ratios` times the other two."""
+    """A colour rule: `channel` is above `least`, and above `ratios` times the other two channels."""
 
     channel: int
     least: float
     ratios: tuple[float, float]
 
-    def holds(self, image: np.ndarray) -> np.ndarray:
-        """bool [...] for colours [..., 3]."""
-        own, one, other = self.split(image)
-        return (own > self.least) & (own > one * self.ratios[0]) & (own > other * self.ratios[1])
+    def matches(self, image: np.ndarray) -> np.ndarray:
+        """Return bool [...] for colours [..., 3]."""
+        own, first, second = self.split(image)
+        return (own > self.least) & (own > first * self.ratios[0]) & (own > second * self.ratios[1])
 
     def split(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The rule's channel and the other two, [...] each."""
-        own, one, other = np.moveaxis(image.astype(np.float32), -1, 0)[[self.channel, *self.others]]
-        return own, one, other
+        """Return the rule's channel and the other two, float32 [...] each."""
+        own, first, second = np.moveaxis(image.astype(np.float32), -1, 0)[[self.channel, *self.others]]
+        return own, first, second
 
     @property
     def others(self) -> tuple[int, int]:
@@ -67,12 +91,12 @@ _RED = (
     *(Rule(0, 150, (2.0 * 0.94**step,) * 2) for step in range(8)),
     *(Rule(0, 150 * 0.99**step, (2.0, 2.0)) for step in range(1, 4)),
 )
-"""What is leaf, what is square for sure: ever wider until `_ENOUGH` pixels are."""
+"""Rules for certain leaf and certain square, strict to permissive; the first with enough pixels is used."""
 
 
-def fit_leaf_rule(sample: np.ndarray) -> Rule | None:
-    """The rule for leaf pixels, set on a coarse picture uint8 [h, w, 3]; None where nothing is green."""
-    found = _mean_colour(sample, _GREEN)
+def fit_leaf_rule(sample: np.ndarray, min_share: float = EasyLeafAreaParams.min_sample_share) -> Rule | None:
+    """Fit the rule for leaf pixels to a reduced image, uint8 [h, w, 3]; None where nothing is green."""
+    found = _average_colour(sample, _GREEN, min_share)
     if found is None:
         return None
     green, to_red, to_blue = found
@@ -80,9 +104,11 @@ def fit_leaf_rule(sample: np.ndarray) -> Rule | None:
     return Rule(1, max(10.0, 1.223 * green - 111), (float(ratios[0]), float(ratios[1])))
 
 
-def fit_square_rule(sample: np.ndarray) -> Rule | None:
-    """The rule for the pixels of a red square, as `leaf_rule`; None where nothing is red."""
-    found = _mean_colour(sample, _RED)
+def fit_square_rule(
+    sample: np.ndarray, min_share: float = EasyLeafAreaParams.min_sample_share
+) -> Rule | None:
+    """Fit the rule for pixels of a red square as `fit_leaf_rule` does; None where nothing is red."""
+    found = _average_colour(sample, _RED, min_share)
     if found is None:
         return None
     red, to_green, to_blue = found
@@ -90,88 +116,91 @@ def fit_square_rule(sample: np.ndarray) -> Rule | None:
     return Rule(0, float(np.clip(1.412 * red - 140.6, 0, 255)), (ratio, ratio))
 
 
-def _mean_colour(sample: np.ndarray, rules: tuple[Rule, ...]) -> tuple[float, float, float] | None:
-    """Mean of a channel and of its ratios to the others over the pixels that are in it for sure."""
-    held = next(mask for rule in rules if (mask := rule.holds(sample)).mean() >= _ENOUGH or rule is rules[-1])
-    if not held.any():
+def _average_colour(
+    sample: np.ndarray, rules: tuple[Rule, ...], min_share: float
+) -> tuple[float, float, float] | None:
+    """Return the means of the rules' channel and of its ratios to the others over matching pixels."""
+    masks = (rule.matches(sample) for rule in rules)
+    mask = next((mask for mask in masks if mask.mean() >= min_share), rules[-1].matches(sample))
+    if not mask.any():
         return None
-    own, one, other = rules[0].split(sample[held])
+    own, first, second = rules[0].split(sample[mask])
     # A ratio to nothing counts as one, as in the software.
-    to_one, to_other = (np.divide(own, x, out=np.ones_like(own), where=x >= 1) for x in (one, other))
-    return float(own.mean()), float(to_one.mean()), float(to_other.mean())
+    to_first, to_second = (np.divide(own, x, out=np.ones_like(own), where=x >= 1) for x in (first, second))
+    return float(own.mean()), float(to_first.mean()), float(to_second.mean())
 
 
 class EasyLeafArea:
-    """Easy Leaf Area; it has learned nothing."""
+    """Measures by colour rules; nothing is learned."""
 
-    def __init__(self, square_cm2: float = SQUARE_CM2) -> None:
-        """Take the area of the red square that lies in every photo."""
-        self._square_mm2 = 100.0 * square_cm2
+    def __init__(self, params: EasyLeafAreaParams | None = None) -> None:
+        self._params = params or EasyLeafAreaParams()
 
-    def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
-        """As `Estimator.measure`; a given scale serves where there is no square."""
-        views = PhotoPyramid(image)
-        leaf, square = _apply_rules(views.whole.image)
-        parts = _find_leaf_components(leaf, views.whole)
-        mask = paint_masks(parts, views.photo)
-        red_px = _find_square(square) * float(np.prod(views.whole.step))
-        method = _GIVEN if not red_px and known.px_per_mm else _SQUARE
-        if not parts:
+    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+        """Measure as `Estimator.measure`; a given scale is used where there is no square."""
+        pyramid = PhotoPyramid(image)
+        leaf_mask, red_mask = self._apply_rules(pyramid.overview.image)
+        components = self._find_leaf_components(leaf_mask, pyramid.overview)
+        mask = paint_masks(components, pyramid.photo)
+        square_px = self._find_square(red_mask) * float(np.prod(pyramid.overview.pixel_size))
+        method = _BY_GIVEN_SCALE if not square_px and info.px_per_mm else _BY_SQUARE
+        if not components:
             return Measurement(method=method, mask=mask, refusal=NO_LEAF)
-        scale = math.sqrt(red_px / self._square_mm2) or known.px_per_mm
-        leaves = tuple(_measure_leaf(part, views.size, scale) for part in parts)
-        refusal = _NO_SQUARE if scale is None else None
+        px_per_mm = math.sqrt(square_px / (100 * self._params.square_cm2)) or info.px_per_mm
+        leaves = tuple(_measure_leaf(component, pyramid, px_per_mm) for component in components)
+        refusal = _NO_SQUARE if px_per_mm is None else None
         return Measurement(method=method, leaves=leaves, mask=mask, refusal=refusal)
 
+    def _apply_rules(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return masks, bool [h, w] each, of leaf pixels and of red pixels that are not leaf."""
+        step = max(1, round(max(image.shape[:2]) / self._params.sample_side_px))
+        sample, nothing = image[::step, ::step], np.zeros(image.shape[:2], bool)
+        green = fit_leaf_rule(sample, self._params.min_sample_share)
+        red = fit_square_rule(sample, self._params.min_sample_share)
+        leaf_mask = nothing if green is None else green.matches(image)
+        return leaf_mask, nothing if red is None else red.matches(image) & ~leaf_mask
 
-def _apply_rules(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """bool [h, w] each: where the leaf is, and where, beside it, red is."""
-    step = max(1, round(max(image.shape[:2]) / _SAMPLED))
-    sample, nothing = image[::step, ::step], np.zeros(image.shape[:2], bool)
-    green, red = fit_leaf_rule(sample), fit_square_rule(sample)
-    leaf = nothing if green is None else green.holds(image)
-    return leaf, nothing if red is None else red.holds(image) & ~leaf
+    def _find_leaf_components(self, leaf_mask: np.ndarray, crop: Crop) -> list[PlacedMask]:
+        """Return the components of `leaf_mask`, bool [h, w] over a crop, large enough, in reading order."""
+        _, labels, boxes, _ = cv2.connectedComponentsWithStats(leaf_mask.astype(np.uint8), connectivity=4)
+        least = self._params.min_leaf_share * leaf_mask.size
+        large = [label for label in range(1, len(boxes)) if boxes[label, cv2.CC_STAT_AREA] >= least]
+        components = []
+        for label in large:
+            left, top, width, height = boxes[label, :4]
+            box = slice(top, top + height), slice(left, left + width)
+            part = Crop(crop.image[box], crop.to_photo(np.array([left, top])), crop.pixel_size)
+            components.append((part, labels[box] == label))
+        corners = [(boxes[label, :2], boxes[label, :2] + boxes[label, 2:4]) for label in large]
+        order = sort_in_reading_order(np.array(corners).reshape(-1, 2, 2))
+        return [components[index] for index in order]
+
+    def _find_square(self, red_mask: np.ndarray) -> int:
+        """Return the pixels of the largest component of `red_mask`, bool [h, w]; 0 if it is no square."""
+        params = self._params
+        _, labels, boxes, _ = cv2.connectedComponentsWithStats(red_mask.astype(np.uint8), connectivity=4)
+        if len(boxes) == 1:
+            return 0
+        largest = 1 + int(np.argmax(boxes[1:, cv2.CC_STAT_AREA]))
+        pixels = int(boxes[largest, cv2.CC_STAT_AREA])
+        centres = np.argwhere(labels == largest)[:, ::-1].astype(np.float32)
+        _, sides, _ = cv2.minAreaRect(centres)
+        # The box around pixel centres is one pixel narrower than that around the pixels.
+        short, long = sorted(side + 1 for side in sides)
+        is_filled = pixels >= params.min_square_fill * short * long
+        is_square = is_filled and long <= params.max_square_aspect * short
+        return pixels if is_square and pixels >= params.min_square_px else 0
 
 
-def _find_leaf_components(leaf: np.ndarray, cut: Crop) -> list[PlacedMask]:
-    """The connected pieces of `leaf`, bool [h, w] over a cut, that are large enough, in reading order."""
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(leaf.astype(np.uint8), connectivity=4)
-    least = _LEAST_LEAF * leaf.size
-    large = [label for label in range(1, len(boxes)) if boxes[label, cv2.CC_STAT_AREA] >= least]
-    parts = []
-    for label in large:
-        left, top, width, height = boxes[label, :4]
-        box = slice(top, top + height), slice(left, left + width)
-        part = Crop(cut.image[box], cut.to_photo(np.array([left, top])), cut.step)
-        parts.append((part, labels[box] == label))
-    ends = [(boxes[label, :2], boxes[label, :2] + boxes[label, 2:4]) for label in large]
-    return [parts[index] for index in sort_in_reading_order(np.array(ends).reshape(-1, 2, 2))]
-
-
-def _find_square(red: np.ndarray) -> int:
-    """Pixels of the largest piece of `red`, bool [h, w]; 0 where it is no square."""
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(red.astype(np.uint8), connectivity=4)
-    if len(boxes) == 1:
-        return 0
-    largest = 1 + int(np.argmax(boxes[1:, cv2.CC_STAT_AREA]))
-    pixels = int(boxes[largest, cv2.CC_STAT_AREA])
-    rows, columns = np.nonzero(labels == largest)
-    _, sides, _ = cv2.minAreaRect(np.stack([columns, rows], axis=1).astype(np.float32))
-    # Between the centres of the outermost pixels there is one pixel less than they cover.
-    short, long = sorted(side + 1 for side in sides)
-    square = pixels >= _LEAST_SQUARE_PX and pixels >= _FULL * short * long and long <= _LONG * short
-    return pixels if square else 0
-
-
-def _measure_leaf(part: PlacedMask, size: np.ndarray, px_per_mm: float | None) -> LeafMeasurement:
-    """A leaf on a photo of `size`, width and height: its green pixels times what one covers, if known."""
-    cut, piece = part
-    pixels = float(np.count_nonzero(piece) * np.prod(cut.step))
-    ends = cut.to_photo(np.array([[0, 0], piece.shape[::-1]]))
-    inside = (ends[0] > 0.5).all() and (ends[1] < size - 0.5).all()
+def _measure_leaf(component: PlacedMask, pyramid: PhotoPyramid, px_per_mm: float | None) -> LeafMeasurement:
+    """Measure a component: the photo pixels it covers times the area of one, if the scale is known."""
+    crop, mask = component
+    pixels = float(np.count_nonzero(mask) * np.prod(crop.pixel_size))
+    end = crop.to_photo(crop.size.xy)
+    is_whole = (crop.origin > 0.5).all() and (end < pyramid.size.xy - 0.5).all()
     return LeafMeasurement(
         area_cm2=None if px_per_mm is None else pixels / px_per_mm**2 / 100,
         px_per_mm=px_per_mm,
-        outline=cut.to_photo(trace_largest_contour(piece) + 0.5) - 0.5,
-        note=None if inside else CUT_OFF,
+        outline=np.clip(crop.to_photo(trace_polygons(mask)[0].outer), 0, pyramid.size.xy),
+        note=None if is_whole else CUT_OFF,
     )

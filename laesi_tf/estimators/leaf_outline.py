@@ -1,122 +1,159 @@
-"""Outlines of leaves in photo pixels, and masks painted from them."""
+"""Outlines of leaves at the photo's resolution, and masks painted from them."""
 
+import dataclasses
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
-from laesi_tf.common.geometry import apply_homography, compute_px_per_mm, polygon_centroid, trace_polygons
+from laesi_tf.common.geometry import (
+    ImageSize,
+    Polygon,
+    apply_homography,
+    compute_px_per_mm,
+    polygon_centroid,
+    polygon_perimeter,
+    trace_polygons,
+)
 from laesi_tf.estimators.base import LeafMeasurement
-from laesi_tf.estimators.leaf_detector import LeafCandidate
+from laesi_tf.estimators.leaf_candidates import LeafCandidate
 from laesi_tf.estimators.leaf_shape import measure_polygon
-from laesi_tf.estimators.mask_refinement import refine_mask
+from laesi_tf.estimators.mask_refinement import MaskRefinementParams, refine_mask
+from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop
 
 CUT_OFF = "cut off by the photo's border: at least this much"
-_BORDER_PX = 1.5
-"""A leaf that comes this close to the photo's border is taken to go on beyond it."""
-_SLENDER, _STRAIGHT = 0.2, 0.8
-"""Width over length of a rod at most, and the share of its box that it fills at least."""
-_DOUBT, _MARGIN_PX = 0.8, 0.16
-"""Standard deviations of a silhouette's area, in doubtful pixels and in pixels of its margin: two thirds of
-semi-real photographs, whose leaves lie flat, are within what they and `reading._SCALE_FLOOR` give."""
+
+PlacedMask = tuple[Crop, np.ndarray]
+"""A leaf as a mask, bool [h, w], in a crop of the photo."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
+class LeafOutlineParams:
+    """Parameters of outlines."""
+
+    refinement: MaskRefinementParams = field(default_factory=MaskRefinementParams)
+    min_area_px: float = parameter(50.0, unit="photo pixels")
+    """Smaller leaves cannot be measured."""
+    border_px: float = parameter(1.5, unit="pixels of the crop")
+    """A leaf that comes so close to the photo's border is assumed to continue beyond it."""
+    pen_max_aspect: float = parameter(
+        0.2, unit="width over length", set_on="drawn pens and ellipses, 2026-11-25"
+    )
+    """A pen is at most so wide."""
+    pen_min_fill: float = parameter(
+        0.8, unit="share of the box", set_on="the area of an ellipse is 0.785 of its box; 2026-11-25"
+    )
+    """A pen fills at least so much of its box; slender leaves taper."""
+    error_sd: float = parameter(
+        0.8,
+        unit="expected errors",
+        set_on="semi-real photos of flat leaves: two thirds of the areas are within one standard deviation; "
+        "2026-11-25",
+    )
+    """Standard deviation of the area per expected misclassified pixel."""
+    edge_sd_px: float = parameter(0.16, unit="pixels of the crop", set_on="as error_sd")
+    """Standard deviation of the position of the whole outline."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LeafOutline:
-    """A leaf's silhouette in photo pixels, their centres at halves."""
+    """A leaf's outline in photo pixels."""
 
-    cut: Crop
+    crop: Crop
     mask: np.ndarray
-    """bool [h, w], the leaf in the cut."""
-    margin: np.ndarray
-    """[N, 2] outer contour."""
-    holes: tuple[np.ndarray, ...]
-    doubt_px: float
+    """bool [h, w], the leaf in the crop."""
+    polygon: Polygon
+    """Its outline and holes in photo pixels."""
+    area_sd_px: float
     """Standard deviation of the area in photo pixels."""
-    cut_off: bool
+    is_cut_off: bool
     """Whether it reaches the photo's border."""
 
     @property
-    def part(self) -> "PlacedMask":
-        """Where it is, for `filled`."""
-        return self.cut, self.mask
+    def placed_mask(self) -> PlacedMask:
+        """Mask and position, for `paint_masks`."""
+        return self.crop, self.mask
 
-    def leaf(self, to_mm: np.ndarray) -> LeafMeasurement:
-        """The leaf measured through a homography [3, 3] from photo pixels to mm."""
-        outer = apply_homography(to_mm, self.margin)
-        found = measure_polygon(outer, tuple(apply_homography(to_mm, hole) for hole in self.holes))
-        scale = compute_px_per_mm(to_mm, polygon_centroid(self.margin))
-        return LeafMeasurement(
-            area_cm2=found.area / 100,
-            uncertainty_cm2=self.doubt_px / scale**2 / 100,
-            px_per_mm=scale,
-            length_mm=found.length,
-            width_mm=found.width,
-            perimeter_mm=found.perimeter,
-            holes_cm2=found.holes / 100,
-            **self.drawn(),
+    def without_scale(self) -> LeafMeasurement:
+        """Return what is known of the leaf without a scale: its outline."""
+        note = CUT_OFF if self.is_cut_off else None
+        return LeafMeasurement(outline=self.polygon.outer, holes=self.polygon.holes, note=note)
+
+    def measure(self, to_mm: np.ndarray) -> LeafMeasurement:
+        """Measure the leaf through a homography [3, 3] from photo pixels to millimetres."""
+        outer, *holes = (apply_homography(to_mm, ring) for ring in self.polygon.rings)
+        shape = measure_polygon(Polygon(outer, tuple(holes)))
+        px_per_mm = compute_px_per_mm(to_mm, polygon_centroid(self.polygon.outer))
+        return dataclasses.replace(
+            self.without_scale(),
+            area_cm2=shape.area / 100,
+            uncertainty_cm2=self.area_sd_px / px_per_mm**2 / 100,
+            px_per_mm=px_per_mm,
+            length_mm=shape.length,
+            width_mm=shape.width,
+            perimeter_mm=shape.perimeter,
+            holes_cm2=shape.holes / 100,
         )
 
-    def drawn(self) -> dict:
-        """What is known of the leaf without a scale: fields of `Leaf`."""
-        return {
-            "outline": self.margin - 0.5,
-            "holes": tuple(hole - 0.5 for hole in self.holes),
-            "note": CUT_OFF if self.cut_off else None,
-        }
 
-
-def looks_like_pen(margin: np.ndarray) -> bool:
-    """Whether an outline [n, 2] is a pen's rather than a leaf's: slender, and it fills its box.
-
-    Slender leaves taper: an ellipse fills 0.785 of the box around it.
-    """
-    points = margin.astype(np.float32)
-    _, sides, _ = cv2.minAreaRect(points)
-    return min(sides) < _SLENDER * max(sides) and cv2.contourArea(points) > _STRAIGHT * sides[0] * sides[1]
-
-
-PlacedMask = tuple[Crop, np.ndarray]
-"""A leaf as a mask, bool [h, w], in a cut of a photo."""
-
-
-def coarse_mask(sight: LeafCandidate) -> PlacedMask:
-    """A leaf as the network sees it."""
-    return sight.cut, sight.placement.to_photo(sight.alone()) >= 0.5
-
-
-def paint_masks(parts: Iterable[PlacedMask], onto: Crop) -> np.ndarray:
-    """bool [H, W], True on the leaves in a cut of the photo."""
-    mask = np.zeros(onto.image.shape[:2], bool)
-    for cut, leaf in parts:
-        height, width = leaf.shape
-        ends = onto.of_photo(cut.to_photo(np.array([[0, 0], [width, height]])))
-        (left, top), (right, bottom) = np.round(ends).astype(int)
-        size = max(1, right - left), max(1, bottom - top)
-        region = mask[top : top + size[1], left : left + size[0]]
-        # Halfway between leaf and no leaf, so that the margin moves to neither side.
-        grown = cv2.resize(leaf.astype(np.uint8) * 255, size, interpolation=cv2.INTER_LINEAR)
-        region |= grown[: region.shape[0], : region.shape[1]] >= 128
-    return mask
-
-
-def outline_leaf(sight: LeafCandidate, size: np.ndarray) -> LeafOutline:
-    cut, placement = sight.cut, sight.placement
-    others = placement.to_photo(sight.neighbours().astype(np.float32)) >= 0.5
-    probability = placement.to_photo(sight.alone())
-    found = refine_mask(cut.image, probability, 1 / min(placement.scale), others)
-    margin, holes = trace_polygons(found.mask)
-    # The margin's place, as a whole, and what the colours leave in doubt.
-    doubt = np.hypot(_DOUBT * found.doubt_px, _MARGIN_PX * measure_polygon(margin, ()).perimeter)
-    margin = cut.to_photo(margin)
-    near = (margin <= _BORDER_PX * cut.step).any() or (margin >= size - _BORDER_PX * cut.step).any()
-    return LeafOutline(
-        cut=cut,
-        mask=found.mask,
-        margin=np.clip(margin, 0.5, size - 0.5),
-        holes=tuple(cut.to_photo(hole) for hole in holes),
-        doubt_px=float(doubt * cut.step.prod()),
-        cut_off=bool(near),
+def outline_leaf(candidate: LeafCandidate, size: ImageSize, params: LeafOutlineParams) -> LeafOutline | None:
+    """Outline a leaf at the resolution of its crop of a photo of `size`; None if it is too small."""
+    crop, letterbox = candidate.crop, candidate.letterbox
+    others = letterbox.crop_and_resize_back(candidate.other_leaves_mask().astype(np.float32)) >= 0.5
+    probability = letterbox.crop_and_resize_back(candidate.own_probability())
+    refined = refine_mask(
+        crop.image,
+        probability,
+        1 / float(letterbox.scale.min()),
+        others=others,
+        params=params.refinement,
     )
+    polygons = trace_polygons(refined.mask)
+    if not polygons:
+        return None
+    largest = polygons[0]
+    area_sd = np.hypot(
+        params.error_sd * refined.expected_errors_px, params.edge_sd_px * polygon_perimeter(largest.outer)
+    )
+    outer, *holes = (crop.to_photo(ring) for ring in largest.rings)
+    margin = params.border_px * crop.pixel_size
+    is_cut_off = bool((outer <= margin).any() or (outer >= size.xy - margin).any())
+    polygon = Polygon(np.clip(outer, 0.5, size.xy - 0.5), tuple(holes))
+    if measure_polygon(polygon).area < params.min_area_px:
+        return None
+    return LeafOutline(
+        crop=crop,
+        mask=refined.mask,
+        polygon=polygon,
+        area_sd_px=float(area_sd * crop.pixel_size.prod()),
+        is_cut_off=is_cut_off,
+    )
+
+
+def looks_like_pen(outline: np.ndarray, params: LeafOutlineParams) -> bool:
+    """Return whether `outline` [N, 2] is a pen's rather than a leaf's: slender, and it fills its box."""
+    points = outline.astype(np.float32)
+    _, sides, _ = cv2.minAreaRect(points)
+    is_slender = min(sides) < params.pen_max_aspect * max(sides)
+    return is_slender and cv2.contourArea(points) > params.pen_min_fill * sides[0] * sides[1]
+
+
+def coarse_mask(candidate: LeafCandidate) -> PlacedMask:
+    """Return a leaf as the network predicts it, without refinement."""
+    return candidate.crop, candidate.letterbox.crop_and_resize_back(candidate.own_probability()) >= 0.5
+
+
+def paint_masks(masks: Iterable[PlacedMask], target: Crop) -> np.ndarray:
+    """Return a mask, bool [H, W], of all leaves in `target`, a crop of the same photo."""
+    painted = np.zeros(target.size, bool)
+    for crop, mask in masks:
+        corners = target.from_photo(crop.to_photo(np.stack([np.zeros(2), ImageSize.of(mask).xy])))
+        (left, top), (right, bottom) = np.round(corners).astype(int)
+        size = max(1, right - left), max(1, bottom - top)
+        region = painted[top : top + size[1], left : left + size[0]]
+        # Interpolated, with the threshold halfway, the edge moves to neither side.
+        resized = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_LINEAR)
+        region |= resized[: region.shape[0], : region.shape[1]] >= 128
+    return painted

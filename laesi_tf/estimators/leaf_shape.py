@@ -1,37 +1,42 @@
-"""Measure a leaf's polygon: area, holes, length, width and perimeter."""
+"""Measure a leaf's polygon: area, holes, length, width and perimeter.
+
+The polygon is mapped to the sheet before anything is measured. A homography keeps straight lines straight, so
+the area of the mapped polygon is exact at any tilt.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from laesi_tf.common.geometry import main_axis, polygon_area
+from laesi_tf.common.geometry import Polygon, polygon_area, polygon_main_axis, polygon_perimeter
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeafShape:
-    """Figures of one leaf in the unit of its outline; areas in its square."""
+    """Measures of one leaf in the unit of its polygon; areas in the unit's square."""
 
     area: float
     """Holes subtracted."""
     holes: float
-    """Area of the holes together."""
+    """Total area of the holes."""
     length: float
-    """Extent along the main axis, that of the outline's second moments, petiole included."""
+    """Extent along the main axis, petiole included."""
     width: float
     """Extent across the main axis."""
     perimeter: float
-    """Of the outer margin."""
+    """Length of the outer contour."""
 
 
-def measure_polygon(outline: np.ndarray, holes: tuple[np.ndarray, ...]) -> LeafShape:
-    """Figures of the leaf within `outline` [N, 2] without its `holes`, [n, 2] each."""
-    gaps = sum(abs(polygon_area(hole)) for hole in holes)
-    axis = main_axis(outline)
-    along, across = outline @ axis, outline @ [-axis[1], axis[0]]
+def measure_polygon(polygon: Polygon) -> LeafShape:
+    """Measure a leaf's outline and holes."""
+    outer, holes = polygon
+    holes_area = sum(abs(polygon_area(hole)) for hole in holes)
+    axis = polygon_main_axis(outer)
+    along, across = outer @ axis, outer @ np.array([-axis[1], axis[0]])
     return LeafShape(
-        area=abs(polygon_area(outline)) - gaps,
-        holes=gaps,
+        area=abs(polygon_area(outer)) - holes_area,
+        holes=holes_area,
         length=float(np.ptp(along)),
         width=float(np.ptp(across)),
-        perimeter=float(np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).sum()),
+        perimeter=polygon_perimeter(outer),
     )

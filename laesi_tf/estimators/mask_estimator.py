@@ -1,61 +1,77 @@
-"""Measure each leaf as the area of its mask times a scale that the user gives."""
+"""Measure each leaf as the area of its mask times a scale that is given; a network predicts the masks."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import keras
 import numpy as np
 
-from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo, sort_in_reading_order
-from laesi_tf.estimators.leaf_detector import LeafCandidate, find_leaves
-from laesi_tf.estimators.leaf_outline import LeafOutline, looks_like_pen, outline_leaf, paint_masks
-from laesi_tf.estimators.leaf_shape import measure_polygon
+from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo, sort_in_reading_order
+from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams
+from laesi_tf.estimators.leaf_detector import LeafDetector
+from laesi_tf.estimators.leaf_outline import (
+    LeafOutline,
+    LeafOutlineParams,
+    looks_like_pen,
+    outline_leaf,
+    paint_masks,
+)
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.models.inference import compile_inference
 
 METHOD = "mask x given scale"
 NO_LEAF = "no leaf found; show one whole leaf on the paper"
-_LEAST_PX = 50.0
-"""Photo pixels of which nothing can be told."""
+NO_SCALE = (
+    "a mask model alone measures no scale; give it with --px-per-mm (in a manifest: column px_per_mm), or "
+    "name an area model with --model and this one with --mask-model"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaskEstimatorParams:
+    """Parameters of the mask estimator's stages."""
+
+    detector: LeafDetectorParams = field(default_factory=LeafDetectorParams)
+    outline: LeafOutlineParams = field(default_factory=LeafOutlineParams)
 
 
 class MaskEstimator:
-    """The mask network of a run; it finds no scale itself and refuses the areas when none is given."""
+    """Measures with a mask network; refuses the areas where no scale is given."""
 
-    def __init__(self, model: keras.Model, size: tuple[int, int]) -> None:
-        """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1]; `size` is (h, w)."""
-        self._size = size
-        self._predict = compile_inference(model, size)
+    def __init__(
+        self, model: keras.Model, input_size: tuple[int, int], params: MaskEstimatorParams | None = None
+    ) -> None:
+        """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1] and its (height, width)."""
+        self._params = params or MaskEstimatorParams()
+        predict = compile_inference(model, input_size)
+        self._detector = LeafDetector(predict, input_size, self._params.detector)
 
-    def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
-        """As `Estimator.measure`; mask and outlines are given even where the areas are refused."""
-        views = PhotoPyramid(image)
-        outlines = self.outlines(views)
-        mask = paint_masks((outline.part for outline in outlines), views.photo)
+    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+        """Measure as `Estimator.measure`; a refusal for want of a scale has a mask and outlines."""
+        pyramid = PhotoPyramid(image)
+        outlines = self.outline_leaves(self.detect_leaves(pyramid), pyramid)
+        mask = paint_masks((outline.placed_mask for outline in outlines), pyramid.photo)
         if not outlines:
             return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
-        if known.px_per_mm is None:
-            leaves = tuple(LeafMeasurement(**outline.drawn()) for outline in outlines)
-            refusal = "the scale is not known; give px_per_mm or use an area model"
-            return Measurement(method=METHOD, leaves=leaves, mask=mask, refusal=refusal)
-        to_mm = np.diag([1.0, 1.0, known.px_per_mm])
-        leaves = tuple(outline.leaf(to_mm) for outline in outlines)
+        if info.px_per_mm is None:
+            leaves = tuple(outline.without_scale() for outline in outlines)
+            return Measurement(method=METHOD, leaves=leaves, mask=mask, refusal=NO_SCALE)
+        to_mm = np.diag([1.0, 1.0, info.px_per_mm])
+        leaves = tuple(outline.measure(to_mm) for outline in outlines)
         return Measurement(method=METHOD, leaves=leaves, mask=mask)
 
-    def outlines(self, views: PhotoPyramid) -> list[LeafOutline]:
-        """The leaves on a photo in reading order."""
-        return self.outlined(self.sights(views), views)
+    def detect_leaves(self, pyramid: PhotoPyramid) -> list[LeafCandidate]:
+        """Return the leaves on a photo at the network's resolution, the largest first."""
+        return self._detector.find_leaves(pyramid)
 
-    def sights(self, views: PhotoPyramid) -> list[LeafCandidate]:
-        """The leaves on a photo as the network sees them, coarsely."""
-        return find_leaves(views, self._predict, self._size)
-
-    def outlined(self, sights: Sequence[LeafCandidate], views: PhotoPyramid) -> list[LeafOutline]:
-        """The leaves that were seen, at the photo's own resolution, in reading order."""
-        found = [outline_leaf(sight, views.size) for sight in sights]
-        outlines = [
-            outline for outline in found if measure_polygon(outline.margin, outline.holes).area >= _LEAST_PX
-        ]
+    def outline_leaves(self, candidates: Sequence[LeafCandidate], pyramid: PhotoPyramid) -> list[LeafOutline]:
+        """Outline detected leaves at the photo's resolution, in reading order; pens are left out."""
+        params = self._params.outline
+        outlined = (outline_leaf(candidate, pyramid.size, params) for candidate in candidates)
+        outlines = [outline for outline in outlined if outline is not None]
         if len(outlines) > 1:
-            outlines = [outline for outline in outlines if not looks_like_pen(outline.margin)] or outlines
-        boxes = np.array([[one.margin.min(axis=0), one.margin.max(axis=0)] for one in outlines])
+            leaves = [outline for outline in outlines if not looks_like_pen(outline.polygon.outer, params)]
+            outlines = leaves or outlines
+        contours = [outline.polygon.outer for outline in outlines]
+        boxes = np.array([[contour.min(axis=0), contour.max(axis=0)] for contour in contours])
         return [outlines[index] for index in sort_in_reading_order(boxes.reshape(-1, 2, 2))]

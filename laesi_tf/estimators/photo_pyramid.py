@@ -1,8 +1,7 @@
-"""A photo seen whole and from close up: cuts of it at no more pixels than are looked at.
+"""A photo at two resolutions, overview and original, and crops of it with no more pixels than needed.
 
-The photo is shrunk once. A part is cut from that picture where it shows the part large enough, and from the
-photo itself where it does not, so that no operation ever runs over 12 megapixels but the one that shrinks
-them.
+The photo is shrunk once. A part is cropped from the overview where it has enough pixels there, and from the
+photo itself where it does not, so that shrinking is the only operation on all of up to 120 megapixels.
 """
 
 from dataclasses import dataclass
@@ -10,77 +9,83 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from laesi_tf.common.geometry import ImageSize
 from laesi_tf.data.letterbox import Letterbox, letterbox_image
 
 OVERVIEW_SIDE_PX = 1536
-"""Longer side of the picture that stands for the whole photo: 1 mm is at least 5 pixels in views up to 30
-cm."""
+"""Longer side of the overview: 1 mm is at least 5 pixels where the photo shows up to 30 cm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crop:
-    """A rectangle of a photo: `image`, uint8 [h, w, 3], begins at `origin` (x, y) in photo pixels.
-
-    One of its pixels is `step` (x, y) photo pixels wide and high.
-    """
+    """A rectangle of a photo, possibly shrunk."""
 
     image: np.ndarray
+    """uint8 [h, w, 3]."""
     origin: np.ndarray
-    step: np.ndarray
+    """Its upper left corner (x, y) in photo pixels."""
+    pixel_size: np.ndarray
+    """Width and height (x, y) of one of its pixels in photo pixels."""
+
+    @property
+    def size(self) -> ImageSize:
+        """Height and width of `image`."""
+        return ImageSize.of(self.image)
 
     def to_photo(self, points: np.ndarray) -> np.ndarray:
-        """Photo pixels of `points` [..., 2], (x, y) in pixels of the cut, pixel centres at halves."""
-        return points * self.step + self.origin
+        """Map `points` [..., 2] from pixels of the crop to photo pixels."""
+        return points * self.pixel_size + self.origin
 
-    def of_photo(self, points: np.ndarray) -> np.ndarray:
-        """The inverse of `to_photo`."""
-        return (points - self.origin) / self.step
+    def from_photo(self, points: np.ndarray) -> np.ndarray:
+        """Map `points` [..., 2] from photo pixels to pixels of the crop."""
+        return (points - self.origin) / self.pixel_size
 
 
 class PhotoPyramid:
-    """Cuts of one photo."""
+    """Overview and crops of one photo."""
 
-    def __init__(self, photo: np.ndarray) -> None:
+    def __init__(self, image: np.ndarray) -> None:
         """Take a photo, uint8 [H, W, 3]."""
-        self.photo = Crop(photo, np.zeros(2), np.ones(2))
-        self.whole = shrink(self.photo, OVERVIEW_SIDE_PX)
-        self._fitted: dict[tuple[int, int], tuple[np.ndarray, Letterbox]] = {}
+        self.photo = Crop(image, np.zeros(2), np.ones(2))
+        self.overview = shrink(self.photo, OVERVIEW_SIDE_PX)
+        self._letterboxed: dict[tuple[int, int], tuple[np.ndarray, Letterbox]] = {}
 
     @property
-    def size(self) -> np.ndarray:
-        """Width and height of the photo."""
-        return np.array(self.photo.image.shape[1::-1])
+    def size(self) -> ImageSize:
+        """Height and width of the photo."""
+        return self.photo.size
 
-    def fitted(self, size: tuple[int, int]) -> tuple[np.ndarray, Letterbox]:
-        """`whole` in a network's input of `size` (h, w) by `fit`, once for all networks of a size."""
-        if size not in self._fitted:
-            self._fitted[size] = letterbox_image(self.whole.image, size)
-        return self._fitted[size]
+    def letterboxed(self, size: tuple[int, int]) -> tuple[np.ndarray, Letterbox]:
+        """Return the overview in a network's input of `size` (height, width), made once per size."""
+        if size not in self._letterboxed:
+            self._letterboxed[size] = letterbox_image(self.overview.image, size)
+        return self._letterboxed[size]
 
-    def around(self, box: np.ndarray, *, at_least: int, at_most: int) -> Crop:
-        """The part of the photo within `box` [[left, top], [right, bottom]], photo pixels.
+    def crop_around(self, box: np.ndarray, *, min_side: int, max_side: int) -> Crop:
+        """Return the part of the photo within `box` [[left, top], [right, bottom]], photo pixels.
 
-        Its longer side has at most `at_most` pixels, and at least `at_least` where the photo has as many.
+        Its longer side has at most `max_side` pixels, and at least `min_side` where the photo has as many.
         """
-        box = np.clip(box, 0, self.size)
-        enough = (box[1] - box[0]).max() >= at_least * self.whole.step.max()
-        return shrink(_crop(self.whole if enough else self.photo, box), at_most)
+        box = np.clip(box, 0, self.size.xy)
+        is_enough = (box[1] - box[0]).max() >= min_side * self.overview.pixel_size.max()
+        return shrink(_crop(self.overview if is_enough else self.photo, box), max_side)
 
 
-def shrink(cut: Crop, longest: int) -> Crop:
-    """`cut` with its longer side brought down to `longest` pixels; as it is where it is no longer."""
-    size = np.array(cut.image.shape[1::-1])
-    if size.max() <= longest:
-        return cut
-    width, height = (int(side) for side in np.maximum(1, np.round(size * longest / size.max())))
-    # The mean over each new pixel's square; OpenCV's is the fastest there is for large factors.
-    small = cv2.resize(cut.image, (width, height), interpolation=cv2.INTER_AREA)
-    return Crop(small, cut.origin, cut.step * size / [width, height])
+def shrink(crop: Crop, max_side: int) -> Crop:
+    """Return `crop` with a longer side of at most `max_side` pixels."""
+    size = crop.size.xy
+    if size.max() <= max_side:
+        return crop
+    width, height = (int(side) for side in np.maximum(1, np.round(size * max_side / size.max())))
+    # OpenCV's area average is the fastest filter for large factors.
+    small = cv2.resize(crop.image, (width, height), interpolation=cv2.INTER_AREA)
+    return Crop(small, crop.origin, crop.pixel_size * size / [width, height])
 
 
-def _crop(cut: Crop, box: np.ndarray) -> Crop:
-    size = np.array(cut.image.shape[1::-1])
-    (left, top), (right, bottom) = cut.of_photo(box)
-    low = np.clip(np.floor([left, top]), 0, size - 1).astype(int)
-    high = np.clip(np.ceil([right, bottom]), low + 1, size).astype(int)
-    return Crop(cut.image[low[1] : high[1], low[0] : high[0]], cut.to_photo(low), cut.step)
+def _crop(crop: Crop, box: np.ndarray) -> Crop:
+    """Return the pixels of `crop` that `box` [2, 2], in photo pixels, touches."""
+    size = crop.size.xy
+    start, end = crop.from_photo(box)
+    low = np.clip(np.floor(start), 0, size - 1).astype(int)
+    high = np.clip(np.ceil(end), low + 1, size).astype(int)
+    return Crop(crop.image[low[1] : high[1], low[0] : high[0]], crop.to_photo(low), crop.pixel_size)

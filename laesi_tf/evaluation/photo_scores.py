@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from laesi_tf.common import metrics
 from laesi_tf.common.errors import InputError
@@ -19,12 +20,16 @@ from laesi_tf.data.prefetch import prefetch
 from laesi_tf.estimators.base import Estimator, Measurement, PhotoInfo
 
 ALL = "all"
+"""Name of the group of all photos."""
 _RESAMPLES = 2000
+
+Summary = dict[str, float | int | None]
+"""Metrics of a group of photos by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoScore:
-    """What came of one photo of the manifest; what is not known is None."""
+    """The result for one photo of the manifest; what is not known is None."""
 
     photo: Photo
     method: str | None = None
@@ -33,7 +38,7 @@ class PhotoScore:
     pixel_error: float | None = None
     refusal: str | None = None
     error: str | None = None
-    """Why the photo was skipped: its file or its mask's is bad."""
+    """Why the photo was skipped: its file or its mask's cannot be read."""
 
     @property
     def relative_error(self) -> float | None:
@@ -44,20 +49,17 @@ class PhotoScore:
 
 
 def score_photos(estimator: Estimator, photos: Sequence[Photo]) -> list[PhotoScore]:
-    """Measure `photos`; those that cannot be read become scores with an error.
+    """Measure `photos` with the manifest's scale and grid and compare them with their true areas and masks.
 
-    The manifest's scale and grid are handed to the estimator as known. Raises InputError when no photo can be
-    read.
+    Photos that cannot be read become scores with an error. Raises InputError when none can be read.
     """
     scores = []
-    decoded = progress_bar(
-        prefetch(load_photo_and_mask, photos), total=len(photos), desc="measuring", unit="photo"
-    )
-    for photo, pictures in decoded:
-        if isinstance(pictures, InputError):
-            scores.append(PhotoScore(photo=photo, error=str(pictures)))
+    loaded = prefetch(load_photo_and_mask, photos)
+    for photo, content in progress_bar(loaded, total=len(photos), desc="measuring", unit="photo"):
+        if isinstance(content, InputError):
+            scores.append(PhotoScore(photo=photo, error=str(content)))
         else:
-            image, mask = pictures
+            image, mask = content
             scores.append(_score_photo(photo, estimator.measure(image, photo_info(photo)), mask))
     if all(score.error for score in scores):
         raise InputError(f"none of the {len(scores)} photos can be read; first: {scores[0].error}")
@@ -65,7 +67,7 @@ def score_photos(estimator: Estimator, photos: Sequence[Photo]) -> list[PhotoSco
 
 
 def group_by_subset(scores: Sequence[PhotoScore]) -> dict[str, list[PhotoScore]]:
-    """All scores, those of each subset, and those on each paper that is not ruled in millimetres."""
+    """Return all scores, those of each subset, and those of each paper other than millimetre paper."""
     groups: dict[str, list[PhotoScore]] = {ALL: list(scores)}
     for name in sorted({score.photo.subset for score in scores if score.photo.subset} - {ALL}):
         groups[name] = [score for score in scores if score.photo.subset == name]
@@ -74,44 +76,49 @@ def group_by_subset(scores: Sequence[PhotoScore]) -> dict[str, list[PhotoScore]]
     return groups
 
 
-def summarise(scores: Sequence[PhotoScore]) -> dict[str, float | int | None]:
-    """The figures of one subset, n counting the photos that were read; None where nothing is averaged."""
-    done = [score for score in scores if score.error is None]
-    areas = [(score.predicted_cm2, score.photo.area_cm2) for score in done if score.predicted_cm2 is not None]
+def summarise(scores: Sequence[PhotoScore]) -> Summary:
+    """Return the metrics of a group; None where there is nothing to average.
+
+    `n` counts the photos that could be read.
+    """
+    read = [score for score in scores if score.error is None]
+    areas = [(score.predicted_cm2, score.photo.area_cm2) for score in read if score.predicted_cm2 is not None]
     predicted, true = np.array(areas, np.float64).reshape(-1, 2).T
     low, high = bootstrap_interval(metrics.relative_errors(predicted, true)) if areas else (None, None)
 
-    def of_areas(figure: Callable[[np.ndarray, np.ndarray], float]) -> float | None:
-        return figure(predicted, true) if areas else None
+    def average(metric: Callable[[np.ndarray, np.ndarray], float]) -> float | None:
+        return metric(predicted, true) if areas else None
 
     return {
-        "n": len(done),
-        "mre": of_areas(metrics.mre),
+        "n": len(read),
+        "mre": average(metrics.mre),
         "mre_low": low,
         "mre_high": high,
-        "median": of_areas(metrics.median_relative_error),
-        "p90": of_areas(metrics.p90_relative_error),
-        "miou": _mean([score.iou for score in done]),
-        "mpe": _mean([score.pixel_error for score in done]),
-        "refused": sum(score.refusal is not None for score in done),
-        "refused_share": _mean([float(score.refusal is not None) for score in done]),
-        "skipped": len(scores) - len(done),
+        "median": average(metrics.median_relative_error),
+        "p90": average(metrics.p90_relative_error),
+        "miou": _mean([score.iou for score in read]),
+        "mpe": _mean([score.pixel_error for score in read]),
+        "refused": sum(score.refusal is not None for score in read),
+        "refused_share": _mean([float(score.refusal is not None) for score in read]),
+        "skipped": len(scores) - len(read),
     }
 
 
 def bootstrap_interval(errors: np.ndarray) -> tuple[float, float]:
-    """The 95 % bootstrap interval of the mean of `errors` [N], N >= 1: what another such set might give.
+    """Return the 95 % percentile bootstrap confidence interval of the mean of `errors` [N], N >= 1.
 
-    It takes photos for independent; where a leaf or a sheet is on several of them it is somewhat too narrow.
+    Photos count as independent; where several show the same leaf or sheet the interval is too narrow.
     """
-    generator = np.random.default_rng(0)
-    means = [generator.choice(errors, errors.size).mean() for _ in range(_RESAMPLES)]
-    low, high = np.percentile(means, [2.5, 97.5])
-    return float(low), float(high)
+    if errors.size == 1:
+        return float(errors[0]), float(errors[0])
+    interval = stats.bootstrap(
+        (errors,), np.mean, n_resamples=_RESAMPLES, method="percentile", rng=np.random.default_rng(0)
+    ).confidence_interval
+    return float(interval.low), float(interval.high)
 
 
 def sort_worst_first(scores: Sequence[PhotoScore]) -> list[PhotoScore]:
-    """The scores with an area or an IoU, the worst first: by area where any has one, otherwise by IoU."""
+    """Return the scores with an area by falling error; where no photo has an area, by rising IoU."""
     with_area = [score for score in scores if score.relative_error is not None]
     if with_area:
         return sorted(with_area, key=lambda score: -abs(score.relative_error or 0.0))
@@ -119,31 +126,34 @@ def sort_worst_first(scores: Sequence[PhotoScore]) -> list[PhotoScore]:
 
 
 def load_photo_and_mask(photo: Photo) -> tuple[np.ndarray, np.ndarray | None]:
-    """The photo, uint8 [H, W, 3], and its true mask, bool [H, W], or None. Raises InputError."""
+    """Return a photo, uint8 [H, W, 3], and its true mask, bool [H, W], or None. Raises InputError."""
     image = decode_photo(photo.image)
     mask = None if photo.mask is None else decode_mask(photo.mask)
     if mask is not None and mask.shape != image.shape[:2]:
-        raise InputError(f"mask {photo.mask} is not of its image's size; draw it on the image itself")
+        raise InputError(
+            f"mask {photo.mask} is {mask.shape[1]} x {mask.shape[0]} pixels but its image "
+            f"{image.shape[1]} x {image.shape[0]}; draw it on the image itself"
+        )
     return image, mask
 
 
 def photo_info(photo: Photo) -> PhotoInfo:
-    """What the manifest tells an estimator about the photo."""
+    """Return what the manifest says about the photo before it is measured."""
     return PhotoInfo(px_per_mm=photo.px_per_mm, grid_mm=photo.grid_mm)
 
 
-def _score_photo(photo: Photo, measured: Measurement, mask: np.ndarray | None) -> PhotoScore:
+def _score_photo(photo: Photo, measurement: Measurement, mask: np.ndarray | None) -> PhotoScore:
     iou = pixel_error = None
-    if mask is not None and measured.mask is not None:
-        iou = metrics.miou(measured.mask, mask)
-        pixel_error = metrics.mpe(measured.mask, mask)
+    if mask is not None and measurement.mask is not None:
+        iou = metrics.miou(measurement.mask, mask)
+        pixel_error = metrics.mpe(measurement.mask, mask)
     return PhotoScore(
         photo=photo,
-        method=measured.method,
-        predicted_cm2=measured.area_cm2,
+        method=measurement.method,
+        predicted_cm2=measurement.area_cm2,
         iou=iou,
         pixel_error=pixel_error,
-        refusal=measured.refusal,
+        refusal=measurement.refusal,
     )
 
 

@@ -1,6 +1,6 @@
 """Draw outlines and the millimetre grid on photos.
 
-Images are uint8 [H, W, 3] RGB throughout.
+Images are uint8 [H, W, 3] RGB throughout, points as in `common.geometry`.
 """
 
 from collections.abc import Sequence
@@ -11,63 +11,61 @@ import numpy as np
 from PIL import Image
 
 from laesi_tf.common.atomic_files import atomic_write
+from laesi_tf.common.geometry import ImageSize, apply_homography, to_cv2_points
 
 Colour = tuple[int, int, int]
 
-# Neither colour is a leaf's, a ruling's or a common desk's; both hold on light and dark ground.
+# Neither leaves nor rulings nor common desks have these colours; both are visible on light and dark.
 PREDICTED_COLOUR: Colour = (255, 0, 160)
 TRUE_COLOUR: Colour = (0, 120, 255)
 GRID_COLOUR: Colour = (0, 200, 255)
-_MAX_LINES = 200
 
-# Wide enough to see a margin on a screen, and a fifth of a 12-megapixel photo's bytes.
 OVERLAY_SIDE_PX = 1600
+"""Longer side of an overlay: leaf edges are visible, in a fifth of the bytes of a 12-megapixel photo."""
+_MAX_LINES = 200
+"""Grid lines in each direction."""
+_SUBPIXEL_BITS = 4
 
 
-def draw_outlines(
-    image: np.ndarray, outlines: Sequence[tuple[np.ndarray, Colour]], *, side: int = OVERLAY_SIDE_PX
-) -> np.ndarray:
-    """`image` [H, W, 3] with its longer side brought to `side` pixels, and `outlines` on it.
-
-    Each outline is [N, 2], (x, y) in the pixels of `image`.
-    """
+def resize(image: np.ndarray, side: int) -> np.ndarray:
+    """Return `image` [H, W, 3] with a longer side of `side` pixels."""
     scale = side / max(image.shape[:2])
-    width, height = (max(1, round(length * scale)) for length in (image.shape[1], image.shape[0]))
-    filter_ = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    picture = cv2.resize(image, (width, height), interpolation=filter_)
+    height, width = (max(1, round(length * scale)) for length in image.shape[:2])
+    interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    return cv2.resize(image, (width, height), interpolation=interpolation)
+
+
+def draw_outlines(image: np.ndarray, outlines: Sequence[tuple[np.ndarray, Colour]]) -> np.ndarray:
+    """Return `image` [H, W, 3] with closed `outlines`, points [N, 2] and colour each, on it."""
+    drawn, thickness = image.copy(), max(1, max(image.shape[:2]) // 400)
     for outline, colour in outlines:
-        # Sixteenths of a pixel; pixel centres move by half a pixel on scaling.
-        points = np.round(((outline + 0.5) * scale - 0.5) * 16).astype(np.int32)
-        cv2.polylines(picture, [points], True, colour, max(1, side // 400), cv2.LINE_AA, shift=4)
-    return picture
+        points = to_cv2_points(outline, shift=_SUBPIXEL_BITS)
+        cv2.polylines(drawn, [points], True, colour, thickness, cv2.LINE_AA, shift=_SUBPIXEL_BITS)
+    return drawn
 
 
 def draw_grid(image: np.ndarray, to_mm: np.ndarray, *, step_mm: float = 10.0) -> np.ndarray:
-    """`image` [H, W, 3] with a square lattice of the sheet over it: its lines run and fan out as the ruling.
+    """Return `image` [H, W, 3] with a square grid of the sheet on it, in perspective.
 
-    `to_mm` [3, 3] takes pixels, their centres at halves, to mm on the sheet, up to translation.
+    `to_mm` [3, 3] maps pixels to mm on the sheet, up to a translation: lines are parallel to the ruling but
+    need not lie on its lines.
     """
-    height, width = image.shape[:2]
-    corners = _apply_homography(to_mm, np.array([[0, 0], [width, 0], [width, height], [0, height]]))
-    box = np.stack([corners.min(axis=0), corners.max(axis=0)])
-    drawn, thickness = image.copy(), max(1, max(height, width) // 900)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]) * ImageSize.of(image).xy
+    on_sheet = apply_homography(to_mm, corners)
+    box = np.stack([on_sheet.min(axis=0), on_sheet.max(axis=0)])
+    to_px = np.linalg.inv(to_mm)
+    drawn, thickness = image.copy(), max(1, max(image.shape[:2]) // 900)
     for axis in (0, 1):
-        for place in np.arange(box[0, axis], box[1, axis], step_mm)[:_MAX_LINES]:
+        for position in np.arange(box[0, axis], box[1, axis], step_mm)[:_MAX_LINES]:
             ends = box.copy()
-            ends[:, axis] = place
-            start, end = np.round(_apply_homography(np.linalg.inv(to_mm), ends) - 0.5).astype(int).tolist()
+            ends[:, axis] = position
+            start, end = to_cv2_points(apply_homography(to_px, ends)).tolist()
             cv2.line(drawn, start, end, GRID_COLOUR, thickness, cv2.LINE_AA)
     return drawn
 
 
-def _apply_homography(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """`points` [N, 2] through a homography [3, 3]."""
-    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
-    return mapped[:, :2] / mapped[:, 2:]
-
-
-def write_png(path: Path, picture: np.ndarray) -> None:
-    """Write `picture` [H, W, 3] as PNG, whole or not at all. Raises InputError where it cannot."""
+def write_png(path: Path, image: np.ndarray) -> None:
+    """Write `image` [H, W, 3] as PNG, atomically. Raises InputError where it cannot be written."""
     with atomic_write(path) as temporary:
-        # Level 1 takes a third of the time of the default and a tenth more bytes.
-        Image.fromarray(picture).save(temporary, format="PNG", compress_level=1)
+        # Level 1 takes a third of the time of the default for a tenth more bytes.
+        Image.fromarray(image).save(temporary, format="PNG", compress_level=1)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.geometry import trace_polygons
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.decoding import decode_photo
@@ -120,16 +120,11 @@ def scene_tiles(shown: Sequence[RenderedScene]) -> list[np.ndarray]:
 def mask_tiles(shown: Sequence[RenderedScene]) -> list[np.ndarray]:
     tiles = []
     for picture in shown:
-        lines = [(outline, PREDICTED_COLOUR) for outline in _trace_contours(picture.mask)]
+        polygons = trace_polygons(picture.mask > 0)
+        outlines = [(ring, PREDICTED_COLOUR) for polygon in polygons for ring in polygon.rings]
         caption = "{area_cm2:.2f} cm², {px_per_mm:.2f} px/mm, tilt {tilt_deg:.0f}°".format_map(picture.label)
-        tiles.append(add_caption(draw_outlines(picture.image, lines, side=len(picture.image)), [caption]))
+        tiles.append(add_caption(draw_outlines(picture.image, outlines), [caption]))
     return tiles
-
-
-def _trace_contours(mask: np.ndarray) -> list[np.ndarray]:
-    """Contours [N, 2] of `mask` [H, W], those of its holes too."""
-    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    return [contour[:, 0] for contour in contours]
 
 
 def photo_tiles(photos: Sequence[Photo], size: int) -> list[np.ndarray]:

@@ -7,13 +7,12 @@ photo, whose top left corner is at (BORDER, BORDER).
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX
 from laesi_tf.estimators.ruling_reader.spectra import SIDE, local_mean
 
-PICTURE = 1536
-"""Longest side of a photo in the working picture, pixels: 1 mm is then at least 5 in views up to 30 cm."""
 BORDER = 16
 """Blank pixels around the photo: a cell."""
-FRAME = PICTURE + 2 * BORDER
+FRAME = OVERVIEW_SIDE_PX + 2 * BORDER
 """Side of the working picture, pixels."""
 FINE, WIDE = 16, 4
 """Patches at full resolution, and patches at half of it that show twice as much: together they resolve the

@@ -14,9 +14,10 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.estimators.camera_fit import Ruling, estimate_tilt_deg
+from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX
 from laesi_tf.estimators.ruling_reader import harmonics, patches, peaks
 from laesi_tf.estimators.ruling_reader.lattice import lattice_frequencies, median, rate
-from laesi_tf.estimators.ruling_reader.patches import BORDER, FRAME, PICTURE
+from laesi_tf.estimators.ruling_reader.patches import BORDER, FRAME
 from laesi_tf.estimators.ruling_reader.spectra import BINS, SIDE, compute_spectra
 
 _VIEWS_MM = 40, 450
@@ -42,12 +43,16 @@ of the heaviest lines in a patch."""
 
 
 def read_ruling(
-    image: np.ndarray, *, leaf: np.ndarray | None = None, grid_mm: float = 1.0, about: float | None = None
+    image: np.ndarray,
+    *,
+    leaf: np.ndarray | None = None,
+    grid_mm: float = 1.0,
+    rough_px_per_mm: float | None = None,
 ) -> Ruling | None:
     """Read the ruling on `image`, uint8 [H, W, 3]; None where there is none to read.
 
-    `leaf`, bool [H, W], is left out. `grid_mm` is the distance of the finest lines. `about`, px per mm, is a
-    rough scale from elsewhere that helps to tell which lines are the finest.
+    `leaf`, bool [H, W], is left out. `grid_mm` is the distance between the finest lines. `rough_px_per_mm` is
+    a rough scale from another source, which helps to decide which lines are the finest.
     """
     small = _resize_to_working_size(image, grid_mm)
     if small is None:
@@ -56,7 +61,7 @@ def read_ruling(
     plain = grid_mm >= _PLAIN_MM
     weights, faintest = (harmonics.PLAIN, _FAINTEST_PLAIN) if plain else (harmonics.MILLIMETRES, _FAINTEST)
     view = [
-        0.0 if about is None else max(image.shape[:2]) / about / grid_mm,
+        0.0 if rough_px_per_mm is None else max(image.shape[:2]) / rough_px_per_mm / grid_mm,
         *(mm / grid_mm for mm in _VIEWS_MM),
     ]
     found = compile_graph()(
@@ -67,17 +72,17 @@ def read_ruling(
     if not (clear and np.isfinite(lattice).all()):
         return None
     shrunk = np.diag([width / image.shape[1], height / image.shape[0], 1.0])
-    forward = np.diag([grid_mm, grid_mm, 1.0]) @ _homography(lattice, height, width) @ shrunk
-    tilt = estimate_tilt_deg(forward, image.shape[:2])
-    return Ruling(forward, tilt, float(share), int(inliers), float(spread))
+    to_mm = np.diag([grid_mm, grid_mm, 1.0]) @ _homography(lattice, height, width) @ shrunk
+    tilt = estimate_tilt_deg(to_mm, image.shape[:2])
+    return Ruling(to_mm, tilt, float(share), int(inliers), float(spread))
 
 
 def _resize_to_working_size(image: np.ndarray, grid_mm: float) -> np.ndarray | None:
     """`image` at the size that its ruling needs; None where it is too small."""
     longer, shorter = max(image.shape[:2]), min(image.shape[:2])
-    longest = min(PICTURE, max(_SMALLEST, 2 * _FINEST_PX * _VIEWS_MM[1] / grid_mm))
+    longest = min(OVERVIEW_SIDE_PX, max(_SMALLEST, 2 * _FINEST_PX * _VIEWS_MM[1] / grid_mm))
     scale = max(min(1.0, longest / longer), SIDE / shorter)
-    if scale > _LARGEST or scale * longer > PICTURE:
+    if scale > _LARGEST or scale * longer > OVERVIEW_SIDE_PX:
         return None
     interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     return cv2.resize(image, None, fx=scale, fy=scale, interpolation=interpolation)

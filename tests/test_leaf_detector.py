@@ -1,11 +1,11 @@
-"""Leaves on a sheet: all of them, each once, at any size, in reading order."""
+"""Detection of leaves on a sheet: all of them, each once, at any size, in reading order."""
 
 import numpy as np
 import pytest
 from green import LEAF, PAPER, mask_network
 
 from laesi_tf.estimators.base import PhotoInfo, sort_in_reading_order
-from laesi_tf.estimators.leaf_detector import find_leaves
+from laesi_tf.estimators.leaf_detector import LeafDetector
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX, PhotoPyramid
 from laesi_tf.models.inference import compile_inference
@@ -13,7 +13,7 @@ from laesi_tf.models.inference import compile_inference
 SIZE = (96, 96)
 
 
-def sheet(discs: list[tuple[int, int, int]], size: tuple[int, int] = (900, 1200)) -> np.ndarray:
+def draw_sheet(discs: list[tuple[int, int, int]], size: tuple[int, int] = (900, 1200)) -> np.ndarray:
     """uint8 [*size, 3] with leaves (row, column, radius)."""
     rows, columns = np.mgrid[: size[0], : size[1]]
     image = np.full((*size, 3), PAPER, np.uint8)
@@ -22,57 +22,59 @@ def sheet(discs: list[tuple[int, int, int]], size: tuple[int, int] = (900, 1200)
     return image
 
 
-def measured(image: np.ndarray):
+def measure(image: np.ndarray):
     return MaskEstimator(mask_network(SIZE), SIZE).measure(image, PhotoInfo(px_per_mm=10.0))
 
 
 @pytest.mark.parametrize("radius", [30, 60, 100])
 def test_every_leaf_is_found_once_and_in_order(radius: int) -> None:
     places = [(row, column) for row in (150, 450, 750) for column in (150, 450, 750, 1050)]
-    leaves = measured(sheet([(*place, radius) for place in places])).leaves
+    leaves = measure(draw_sheet([(*place, radius) for place in places])).leaves
     middles = [leaf.outline.mean(axis=0)[::-1] for leaf in leaves]
     assert np.array(middles) == pytest.approx(np.array(places), abs=2)
     true = np.pi * (radius / 10) ** 2 / 100
     assert [leaf.area_cm2 for leaf in leaves] == pytest.approx([true] * 12, rel=0.02)
 
 
-def test_leaves_that_a_glance_and_half_of_the_tiles_overlook_are_told_by_their_colour() -> None:
+def test_leaves_missed_in_overview_and_half_of_the_tiles_are_found_by_colour() -> None:
     network, calls = compile_inference(mask_network(SIZE), SIZE), []
 
-    def forgetful(images: np.ndarray) -> np.ndarray:
+    def miss_leaves(images: np.ndarray) -> np.ndarray:
         calls.append(len(images))
-        seen = network(images).copy()
-        seen[{1: 0, 2: len(seen) // 2}.get(len(calls), len(seen)) :] = 0
-        return seen
+        probability = network(images).copy()
+        probability[{1: 0, 2: len(images) // 2}.get(len(calls), len(images)) :] = 0
+        return probability
 
     places = [(row, column) for row in (150, 450, 750) for column in (150, 450, 750, 1050)]
-    found = find_leaves(PhotoPyramid(sheet([(*place, 30) for place in places])), forgetful, SIZE)
-    middles = sorted(tuple(sight.box.mean(axis=0)[::-1].round()) for sight in found)
+    found = LeafDetector(miss_leaves, SIZE).find_leaves(
+        PhotoPyramid(draw_sheet([(*place, 30) for place in places]))
+    )
+    middles = sorted(tuple(candidate.box.mean(axis=0)[::-1].round()) for candidate in found)
     assert np.array(middles) == pytest.approx(np.array(places), abs=6)
 
 
-def test_leaves_of_unlike_size() -> None:
-    leaves = measured(sheet([(300, 350, 230), (500, 900, 60)])).leaves
+def test_leaves_of_different_size() -> None:
+    leaves = measure(draw_sheet([(300, 350, 230), (500, 900, 60)])).leaves
     assert [leaf.area_cm2 for leaf in leaves] == pytest.approx(
         [np.pi * 23**2 / 100, np.pi * 6**2 / 100], rel=0.02
     )
 
 
-def test_crumbs_are_no_leaves() -> None:
-    assert len(measured(sheet([(300, 350, 200), (700, 900, 12)])).leaves) == 1
+def test_small_fragments_are_no_leaves() -> None:
+    assert len(measure(draw_sheet([(300, 350, 200), (700, 900, 12)])).leaves) == 1
 
 
 def test_a_leaf_that_the_photo_cuts_off_is_noted() -> None:
-    first, second = measured(sheet([(300, 300, 120), (850, 800, 120)])).leaves
+    first, second = measure(draw_sheet([(300, 300, 120), (850, 800, 120)])).leaves
     assert first.note is None
     assert second.note is not None and "border" in second.note
     assert second.area_cm2 is not None and second.area_cm2 < np.pi * 12**2 / 100
 
 
 def test_mask_shows_all_leaves_without_their_holes() -> None:
-    image = sheet([(300, 350, 200), (600, 900, 150)])
+    image = draw_sheet([(300, 350, 200), (600, 900, 150)])
     image[250:350, 300:400] = PAPER
-    found = measured(image)
+    found = measure(image)
     true = (image == LEAF).all(axis=2)
     assert (found.mask & true).sum() / (found.mask | true).sum() > 0.99
     assert found.leaves[0].holes_cm2 == pytest.approx(1.0, rel=0.03) and len(found.leaves[0].holes) == 1
@@ -85,16 +87,18 @@ def test_reading_order() -> None:
     assert sort_in_reading_order(np.zeros((0, 2, 2))) == []
 
 
-def test_views_of_a_part_lie_where_they_say() -> None:
+def test_crops_show_the_part_of_the_photo_that_they_claim() -> None:
     rows, columns = np.mgrid[:2000, :3000]
     photo = np.stack([columns // 12, rows // 12, np.zeros_like(rows)], axis=-1).astype(np.uint8)
-    views = PhotoPyramid(photo)
-    assert max(views.whole.image.shape) == OVERVIEW_SIDE_PX
+    pyramid = PhotoPyramid(photo)
+    assert max(pyramid.overview.image.shape) == OVERVIEW_SIDE_PX
     for box in ([[100, 200], [900, 700]], [[0, 0], [3000, 2000]], [[2900, 1900], [3500, 2500]]):
-        cut = views.around(np.array(box, float), at_least=400, at_most=600)
-        assert max(cut.image.shape) <= 600
-        height, width = cut.image.shape[:2]
-        x, y = cut.to_photo(np.array([width / 2, height / 2]))
-        shown = cut.image[height // 2 - 1 : height // 2 + 1, width // 2 - 1 : width // 2 + 1, :2].mean((0, 1))
+        crop = pyramid.crop_around(np.array(box, float), min_side=400, max_side=600)
+        assert max(crop.image.shape) <= 600
+        height, width = crop.image.shape[:2]
+        x, y = crop.to_photo(np.array([width / 2, height / 2]))
+        shown = crop.image[height // 2 - 1 : height // 2 + 1, width // 2 - 1 : width // 2 + 1, :2].mean(
+            (0, 1)
+        )
         assert shown * 12 == pytest.approx([x, y], abs=12)
-        assert cut.of_photo(cut.to_photo(np.array([7.0, 9.0]))) == pytest.approx([7, 9])
+        assert crop.from_photo(crop.to_photo(np.array([7.0, 9.0]))) == pytest.approx([7, 9])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conformance import EstimatorConformance
+from estimator_conformance import EstimatorConformance
 from green import LEAF, PAPER, disk, photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +13,12 @@ from hypothesis import strategies as st
 from laesi_tf.common.errors import InputError
 from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.estimators.base import Estimator, PhotoInfo
-from laesi_tf.estimators.easy_leaf_area import EasyLeafArea, fit_leaf_rule, fit_square_rule
+from laesi_tf.estimators.easy_leaf_area import (
+    EasyLeafArea,
+    EasyLeafAreaParams,
+    fit_leaf_rule,
+    fit_square_rule,
+)
 from laesi_tf.estimators.factory import load_estimator
 from laesi_tf.synthesis import load_ranges
 
@@ -21,7 +26,7 @@ RED = (200, 30, 30)
 CALIBRATION = Path(__file__).parents[1] / "experiments" / "calibration.toml"
 
 
-class TestRuleBased(EstimatorConformance):
+class TestEasyLeafArea(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
@@ -61,11 +66,11 @@ def test_photos_larger_than_what_is_looked_at() -> None:
 
 def test_another_square_changes_the_areas_in_its_ratio() -> None:
     image = with_square(photo(300, 300), 40)
-    areas = [EasyLeafArea(area).measure(image).area_cm2 for area in (4.0, 9.0)]
+    areas = [EasyLeafArea(EasyLeafAreaParams(square_cm2=area)).measure(image).area_cm2 for area in (4.0, 9.0)]
     assert areas[0] is not None and areas[1] == pytest.approx(areas[0] * 9 / 4)
 
 
-def test_each_leaf_has_its_area_and_specks_have_none() -> None:
+def test_each_leaf_has_its_area_and_fragments_have_none() -> None:
     image = np.full((300, 400, 3), PAPER, np.uint8)
     image[30:80, 100:200], image[200:280, 50:110], image[150:155, 300:305] = LEAF, LEAF, LEAF
     measured = EasyLeafArea().measure(with_square(image, 40, corner=(200, 300)))
@@ -116,7 +121,7 @@ def test_paler_colours_are_taken_where_no_pure_ones_are() -> None:
     sample[:10] = (100, 130, 90)
     rule = fit_leaf_rule(sample)
     assert rule is not None and rule.ratios == pytest.approx((0.360 * 1.3 + 0.589, 0.334 * 130 / 90 + 0.534))
-    assert rule.holds(sample).sum() == 500
+    assert rule.matches(sample).sum() == 500
     assert fit_square_rule(sample) is None and fit_leaf_rule(np.zeros((50, 50, 3), np.uint8)) is None
 
 
@@ -131,7 +136,7 @@ def test_on_a_scene_with_a_square_the_scale_is_right() -> None:
     assert len(ratios) >= 6 and np.median(np.abs(np.array(ratios) - 1)) < 0.04
 
 
-def test_load_estimator_knows_it_by_name() -> None:
+def test_load_estimator_accepts_its_name() -> None:
     assert isinstance(load_estimator("rule_based"), EasyLeafArea)
     assert isinstance(load_estimator(Path("rule_based")), EasyLeafArea)
     with pytest.raises(InputError, match="mask model"):

@@ -26,7 +26,7 @@ from laesi_tf.synthesis import load_ranges, synthesise
 )
 def test_any_view_of_a_drawn_sheet(px_per_mm, turn, tilt, heavy):
     image, forward = drawn(px_per_mm=px_per_mm, turn=turn, tilt=tilt, heavy=heavy)
-    ruling = read_ruling(image, about=px_per_mm * 1.15)
+    ruling = read_ruling(image, rough_px_per_mm=px_per_mm * 1.15)
     assert ruling is not None
     points = np.array([[SIDE / 2, SIDE / 2], [SIDE / 5, SIDE / 3], [SIDE * 0.8, SIDE * 0.7]])
     true = [jacobian(forward, point) for point in points]
@@ -107,7 +107,9 @@ def test_scenes_with_tilt_are_read_to_a_percent():
     for index in range(0, 40, 4):
         scene = make(tf.constant(index, tf.int64))
         mask = scene["mask"].numpy() > 0
-        ruling = read_ruling(scene["image"].numpy(), leaf=mask, about=float(scene["px_per_mm"]) * 1.1)
+        ruling = read_ruling(
+            scene["image"].numpy(), leaf=mask, rough_px_per_mm=float(scene["px_per_mm"]) * 1.1
+        )
         if ruling is not None:
             rows, columns = np.nonzero(mask)
             area = ruling.mm2_per_px(np.stack([columns, rows], axis=1) + 0.5).sum() / 100

@@ -1,6 +1,6 @@
-"""What every estimator must do, whatever its method.
+"""Conformance suite: the contract of every estimator.
 
-A test module inherits from `EstimatorConformance` and defines a fixture `estimator`.
+A test class inherits from `EstimatorConformance` and defines a fixture `estimator`.
 """
 
 import math
@@ -21,11 +21,11 @@ EXTREMES = {
     "noise": np.random.default_rng(0).integers(0, 256, (200, 300, 3), np.uint8),
     "huge": np.repeat(np.repeat(photo(300, 400), 10, axis=0), 10, axis=1),
 }
-KNOWN = (PhotoInfo(), PhotoInfo(px_per_mm=5.0), PhotoInfo(px_per_mm=5.0, grid_mm=5.0))
+INFOS = (PhotoInfo(), PhotoInfo(px_per_mm=5.0), PhotoInfo(px_per_mm=5.0, grid_mm=5.0))
 
 
-def check(measurement: Measurement, image: np.ndarray) -> None:
-    """A measurement is finite or refused, and lies within its photo."""
+def check_measurement(measurement: Measurement, image: np.ndarray) -> None:
+    """Assert that a measurement is finite or refused, and lies within its photo."""
     assert measurement.method
     if measurement.refusal is None:
         assert measurement.leaves
@@ -49,11 +49,11 @@ def check(measurement: Measurement, image: np.ndarray) -> None:
 
 def _check_outline(outline: np.ndarray, image: np.ndarray) -> None:
     assert outline.ndim == 2 and outline.shape[1] == 2
-    assert (outline >= 0).all() and (outline <= [image.shape[1] - 1, image.shape[0] - 1]).all()
+    assert (outline >= 0).all() and (outline <= image.shape[1::-1]).all()
 
 
-def same(first: Measurement, second: Measurement) -> bool:
-    """Whether two measurements agree to the last bit."""
+def is_same(first: Measurement, second: Measurement) -> bool:
+    """Return whether two measurements agree to the last bit."""
     leaves = zip(first.leaves, second.leaves, strict=True)
     return (
         (first.method, first.refusal, first.area_cm2) == (second.method, second.refusal, second.area_cm2)
@@ -65,26 +65,26 @@ def same(first: Measurement, second: Measurement) -> bool:
 
 
 class EstimatorConformance:
-    """The suite; each test is given a fresh photo."""
+    """The suite; each test gets a fresh photo."""
 
-    @pytest.mark.parametrize("known", KNOWN)
+    @pytest.mark.parametrize("info", INFOS)
     @pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
     def test_any_shape_is_measured_or_refused(
-        self, estimator: Estimator, size: tuple[int, int], known: PhotoInfo
+        self, estimator: Estimator, size: tuple[int, int], info: PhotoInfo
     ) -> None:
         image = photo(*size)
-        check(estimator.measure(image, known), image)
+        check_measurement(estimator.measure(image, info), image)
 
     @pytest.mark.parametrize("image", EXTREMES.values(), ids=EXTREMES)
     def test_extremes_are_measured_or_refused(self, estimator: Estimator, image: np.ndarray) -> None:
-        check(estimator.measure(image, PhotoInfo(px_per_mm=5.0)), image)
+        check_measurement(estimator.measure(image, PhotoInfo(px_per_mm=5.0)), image)
 
-    def test_same_photo_same_measurement_whatever_came_between(self, estimator: Estimator) -> None:
+    def test_measurement_does_not_depend_on_earlier_photos(self, estimator: Estimator) -> None:
         first = estimator.measure(photo(300, 400))
         estimator.measure(photo(500, 200, radius=0.1))
-        assert same(first, estimator.measure(photo(300, 400)))
+        assert is_same(first, estimator.measure(photo(300, 400)))
 
-    def test_photo_is_left_as_it_was(self, estimator: Estimator) -> None:
+    def test_photo_is_not_changed(self, estimator: Estimator) -> None:
         image = photo(300, 400)
         image.flags.writeable = False
         estimator.measure(image)
@@ -92,4 +92,4 @@ class EstimatorConformance:
 
     def test_memory_layout_does_not_matter(self, estimator: Estimator) -> None:
         image = photo(300, 400)
-        assert same(estimator.measure(image), estimator.measure(np.asfortranarray(image)))
+        assert is_same(estimator.measure(image), estimator.measure(np.asfortranarray(image)))

@@ -1,0 +1,105 @@
+"""Draw what was measured on a photo: grid, numbered outlines, and the results as text below."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from laesi_tf.common.geometry import ImageSize, trace_polygons
+from laesi_tf.common.text import sanitise_text
+from laesi_tf.estimators.base import LeafMeasurement, Measurement
+from laesi_tf.reporting.captions import add_caption, draw_labels
+from laesi_tf.reporting.overlay import (
+    OVERLAY_SIDE_PX,
+    PREDICTED_COLOUR,
+    TRUE_COLOUR,
+    draw_grid,
+    draw_outlines,
+    resize,
+)
+
+_MAX_NOTES = 3
+
+
+def draw_measurement(image: np.ndarray, measurement: Measurement, name: str) -> np.ndarray:
+    """Return `image`, uint8 [H, W, 3], at a handy size with grid, outlines and results: uint8 [h, w, 3].
+
+    `name` stands below the results.
+    """
+    # A small photo is enlarged until the text below can be read.
+    side = min(OVERLAY_SIDE_PX, max(OVERLAY_SIDE_PX // 2, *image.shape[:2]))
+    overlay = resize(image, side)
+    scale = ImageSize.of(overlay).xy / ImageSize.of(image).xy
+    if measurement.to_mm is not None:
+        overlay = draw_grid(overlay, measurement.to_mm @ np.diag([*(1 / scale), 1.0]))
+    rings = [(ring * scale, PREDICTED_COLOUR) for leaf in measurement.leaves for ring in leaf.rings]
+    overlay = draw_outlines(overlay, rings)
+    if len(measurement.leaves) > 1:
+        overlay = draw_labels(overlay, _number_leaves(measurement, scale))
+    lines = [*describe_measurement(measurement), f"{sanitise_text(name)}  ({measurement.method})"]
+    return add_caption(overlay, lines)
+
+
+def draw_comparison(
+    image: np.ndarray, measurement: Measurement, true_mask: np.ndarray | None, *, side: int
+) -> np.ndarray:
+    """Return `image`, uint8 [H, W, 3], with a longer side of `side` pixels and true and predicted outlines.
+
+    `true_mask` is bool [H, W], or None where it is not known.
+    """
+    drawn = resize(image, side)
+    scale = ImageSize.of(drawn).xy / ImageSize.of(image).xy
+    true_rings = (
+        [] if true_mask is None else [ring for leaf in trace_polygons(true_mask) for ring in leaf.rings]
+    )
+    outlines = [(ring * scale, TRUE_COLOUR) for ring in true_rings]
+    outlines += [(ring * scale, PREDICTED_COLOUR) for leaf in measurement.leaves for ring in leaf.rings]
+    return draw_outlines(drawn, outlines)
+
+
+def describe_measurement(measurement: Measurement) -> list[str]:
+    """Return the results and the reasons to doubt them as lines of text."""
+    if measurement.refusal is not None:
+        return [f"refused: {measurement.refusal}"]
+    leaves = measurement.leaves
+    results = [format_area(leaves)]
+    if scales := [leaf.px_per_mm for leaf in leaves if leaf.px_per_mm is not None]:
+        results.append(f"{np.mean(scales):.2f} px/mm")
+    if measurement.tilt_deg is not None:
+        results.append(f"tilt {measurement.tilt_deg:.0f}°")
+    if len(leaves) == 1 and leaves[0].length_mm is not None and leaves[0].width_mm is not None:
+        results.append(f"{leaves[0].length_mm:.1f} × {leaves[0].width_mm:.1f} mm")
+    notes = [measurement.note] if measurement.note else []
+    notes += [
+        f"leaf {number}: {leaf.note}" if len(leaves) > 1 else leaf.note
+        for number, leaf in enumerate(leaves, 1)
+        if leaf.note
+    ]
+    return [", ".join(results), *notes[:_MAX_NOTES]]
+
+
+def sum_uncertainties(uncertainties: Sequence[float | None]) -> float | None:
+    """Return the uncertainty of a sum of areas; None where one is unknown.
+
+    Uncertainties are added: an error of the scale is an error of all leaves.
+    """
+    known = [value for value in uncertainties if value is not None]
+    return sum(known) if len(known) == len(uncertainties) else None
+
+
+def format_area(leaves: Sequence[LeafMeasurement]) -> str:
+    """Return the total area of `leaves` and its uncertainty as text."""
+    total = sum(leaf.area_cm2 or 0.0 for leaf in leaves)
+    uncertainty = sum_uncertainties([leaf.uncertainty_cm2 for leaf in leaves])
+    text = f"{total:.2f} cm²" if uncertainty is None else f"{total:.2f} ± {uncertainty:.2f} cm²"
+    return text if len(leaves) == 1 else f"{len(leaves)} leaves, {text}"
+
+
+def _number_leaves(measurement: Measurement, scale: np.ndarray) -> list[tuple[np.ndarray, str]]:
+    """Return the position in the overlay and the text of each leaf's label: its number and area."""
+    labels = []
+    for number, leaf in enumerate(measurement.leaves, 1):
+        if leaf.outline is not None:
+            text = str(number) if leaf.area_cm2 is None else f"{number}: {leaf.area_cm2:.2f}"
+            middle = (leaf.outline.min(axis=0) + leaf.outline.max(axis=0)) / 2
+            labels.append((middle * scale, text))
+    return labels
