@@ -18,8 +18,8 @@ from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
 from laesi_tf.data.prefetch import prefetch
+from laesi_tf.estimators import factory
 from laesi_tf.estimators.base import Estimator, PhotoInfo
-from laesi_tf.estimators.factory import load_estimator
 from laesi_tf.reporting.leaf_records import LeafRecord, make_records, write_records
 from laesi_tf.reporting.measurement_overlay import draw_measurement, sum_uncertainties
 from laesi_tf.reporting.overlay import write_png
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str]) -> None:
     for path in (table, options.json):
         if path is not None:
             require_writable(path)
-    estimator = load_estimator(options.model, mask_run=options.mask_model)
+    estimator = factory.load_estimator(options.model, mask_run=options.mask_model)
     info = PhotoInfo(px_per_mm=options.px_per_mm, grid_mm=options.grid_mm)
     records: list[LeafRecord] = []
     try:

@@ -156,7 +156,7 @@ def test_load_estimator_follows_the_runs_task(tmp_path: Path) -> None:
     assert load_estimator(mask).measure(photo(100, 100)).refusal is not None
     with pytest.raises(InputError, match="--task mask"):
         load_estimator(area, mask_run=area)
-    with pytest.raises(InputError, match="mask model itself"):
+    with pytest.raises(InputError, match="--task area"):
         load_estimator(mask, mask_run=mask)
 
 

@@ -1,4 +1,4 @@
-"""Scores of an estimator whose answers are known."""
+"""Scores of an estimator whose results are known."""
 
 import csv
 import json
@@ -22,11 +22,11 @@ from laesi_tf.evaluation.photo_scores import (
     summarise,
 )
 from laesi_tf.reporting.captions import add_caption, make_contact_sheet
-from laesi_tf.reporting.overlay import draw_outlines
+from laesi_tf.reporting.overlay import TRUE_COLOUR, draw_outlines
 
 pytestmark = pytest.mark.usefixtures("stand_in_networks")
 
-# What the area network says of `photo(96, 96)`, by design.
+# Output of the area network for `photo(96, 96)`, by construction.
 PERCENT = 100 * math.pi * 0.3**2
 
 
@@ -38,7 +38,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture
 def manifest(tmp_path: Path) -> Path:
-    """Four photos of one leaf: right, 50 % too small, on other paper without mask, and cut short."""
+    """Four photos of one leaf: correct, 50 % too small, on other paper without mask, and truncated."""
     for name in "abcd":
         Image.fromarray(photo(96, 96)).save(tmp_path / f"{name}.png")
         Image.fromarray(disk(96, 96)).save(tmp_path / f"{name}_mask.png")
@@ -60,7 +60,7 @@ def run_on(manifest: Path, out: Path, *models: str) -> dict[str, dict[str, float
     return json.loads((out / "all.json").read_text())
 
 
-def test_figures_of_each_subset(
+def test_metrics_of_each_subset(
     runs: dict[str, Path], manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = run_on(
@@ -97,7 +97,24 @@ def test_files_of_a_run(runs: dict[str, Path], manifest: Path, tmp_path: Path) -
     assert rows["a.png"]["method"] == "regression" and rows["a.png"]["iou"] == ""
     assert "cannot be decoded" in rows["d.png"]["error"] and rows["d.png"]["predicted_cm2"] == ""
     worst = np.asarray(Image.open(tmp_path / "out" / "worst.png"))
-    assert worst.shape[1] > 3 * 400 and {tuple(pixel) for pixel in worst.reshape(-1, 3)} >= {command.TRUE}
+    assert worst.shape[1] > 3 * 400 and {tuple(pixel) for pixel in worst.reshape(-1, 3)} >= {TRUE_COLOUR}
+
+
+def test_worst_tiles_have_a_legend(runs: dict[str, Path], manifest: Path, tmp_path: Path) -> None:
+    run_on(manifest, tmp_path / "out", "--model", str(runs["area"]))
+    worst = np.asarray(Image.open(tmp_path / "out" / "worst.png"))
+    # A line of text below the tiles, and nothing else.
+    legend = worst[-40:]
+    assert (legend < 128).all(axis=2).sum() > 100 and (legend.min(axis=2) == legend.max(axis=2)).all()
+
+
+def test_a_missing_photo_is_skipped(
+    runs: dict[str, Path], manifest: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "b.png").unlink()
+    metrics = run_on(manifest, tmp_path / "out", "--model", str(runs["area"]))
+    assert metrics["all"]["n"] == 2 and metrics["all"]["skipped"] == 2
+    assert "skipped b.png: " in capsys.readouterr().out
 
 
 def test_mask_model_needs_the_manifests_scale(
@@ -106,7 +123,7 @@ def test_mask_model_needs_the_manifests_scale(
     found = run_on(manifest, tmp_path / "out", "--model", str(runs["mask"]))
     area = math.pi * (0.3 * 96) ** 2 / 2**2 / 100
     assert found["easy"]["mre"] == pytest.approx(100 * (1 - area / PERCENT), abs=1)
-    assert "measured by mask x given scale" in capsys.readouterr().out
+    assert "photos by method:\n    3  mask x given scale\n" in capsys.readouterr().out
     assert found["grid 5 mm"]["refused"] == 1 and found["grid 5 mm"]["mre"] is None and found["all"]["n"] == 3
 
 
@@ -114,27 +131,27 @@ def photo_of(area_cm2: float, **fields: object) -> Photo:
     return Photo(name="a.png", image=Path("a.png"), area_cm2=area_cm2, **fields)  # type: ignore[arg-type]
 
 
-def test_figures_against_numbers_by_hand() -> None:
+def test_metrics_against_numbers_by_hand() -> None:
     scores = [
         PhotoScore(photo=photo_of(10.0), predicted_cm2=predicted) for predicted in (9.0, 12.0, 10.0, 15.0)
     ]
     scores.append(PhotoScore(photo=photo_of(10.0), refusal="no grid"))
-    figures = summarise(scores)
-    assert figures["mre"] == pytest.approx((10 + 20 + 0 + 50) / 4) and figures["median"] == pytest.approx(15)
-    assert figures["p90"] == pytest.approx(41) and figures["n"] == 5 and figures["refused"] == 1
-    assert figures["mre_low"] <= figures["mre"] <= figures["mre_high"]  # type: ignore[operator]
+    metrics = summarise(scores)
+    assert metrics["mre"] == pytest.approx((10 + 20 + 0 + 50) / 4) and metrics["median"] == pytest.approx(15)
+    assert metrics["p90"] == pytest.approx(41) and metrics["n"] == 5 and metrics["refused"] == 1
+    assert metrics["mre_low"] <= metrics["mre"] <= metrics["mre_high"]  # type: ignore[operator]
     assert [score.predicted_cm2 for score in sort_worst_first(scores)] == [15.0, 12.0, 9.0, 10.0]
 
 
-def test_nothing_measured_has_no_figures() -> None:
-    figures = summarise(
+def test_without_measured_photos_there_are_no_metrics() -> None:
+    metrics = summarise(
         [PhotoScore(photo=photo_of(1.0), error="cut"), PhotoScore(photo=photo_of(1.0), refusal="no grid")]
     )
-    assert figures["n"] == 1 and figures["skipped"] == 1
-    assert all(figures[key] is None for key in ("mre", "mre_low", "median", "p90", "miou", "mpe"))
+    assert metrics["n"] == 1 and metrics["skipped"] == 1
+    assert all(metrics[key] is None for key in ("mre", "mre_low", "median", "p90", "miou", "mpe"))
 
 
-def test_interval_covers_the_mean_and_narrows() -> None:
+def test_bootstrap_interval_covers_the_mean_and_narrows() -> None:
     errors = np.random.default_rng(1).exponential(5.0, 400)
     low, high = bootstrap_interval(errors)
     assert low < errors.mean() < high and bootstrap_interval(errors) == (low, high)
@@ -148,15 +165,15 @@ def test_subset_named_all_does_not_hide_the_others() -> None:
     assert group_by_subset(scores) == {"all": scores}
 
 
-def test_a_leaf_that_was_not_found_counts_as_no_overlap(manifest: Path) -> None:
+def test_a_leaf_that_was_not_found_has_no_overlap(manifest: Path) -> None:
     class Blind:
-        def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
+        def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
             return Measurement(method="blind", mask=np.zeros(image.shape[:2], bool), refusal="no leaf found")
 
     mask = manifest.parent / "a_mask.png"
     one = Photo(name="a.png", image=manifest.parent / "a.png", area_cm2=1.0, mask=mask)
-    figures = summarise(score_photos(Blind(), [one]))
-    assert figures["miou"] == 0.0 and figures["mpe"] == 1.0 and figures["refused"] == 1
+    metrics = summarise(score_photos(Blind(), [one]))
+    assert metrics["miou"] == 0.0 and metrics["mpe"] == 1.0 and metrics["refused"] == 1
 
 
 def test_every_leaf_counts_towards_the_area() -> None:
@@ -166,13 +183,13 @@ def test_every_leaf_counts_towards_the_area() -> None:
 
 
 def test_outline_is_drawn_where_the_leaf_is() -> None:
-    image = np.zeros((3000, 4000, 3), np.uint8)
-    square = np.array([[1000, 1000], [3000, 1000], [3000, 2000], [1000, 2000]])
-    picture = draw_outlines(image, [(square, (255, 0, 160))], side=400)
-    assert picture.shape == (300, 400, 3)
-    rows, columns = np.nonzero(picture[..., 0] > 100)
+    image = np.zeros((300, 400, 3), np.uint8)
+    square = np.array([[100.0, 100.0], [300.0, 100.0], [300.0, 200.0], [100.0, 200.0]])
+    drawn = draw_outlines(image, [(square, (255, 0, 160))])
+    rows, columns = np.nonzero(drawn[..., 0] > 100)
+    # A line one pixel wide on the border between two pixels covers both.
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == pytest.approx(
-        (100, 200, 100, 300), abs=1
+        (99.5, 199.5, 99.5, 299.5), abs=1
     )
     assert not image.any()
 
@@ -185,7 +202,7 @@ def test_caption_is_readable_and_hides_nothing() -> None:
     assert (framed[300:, -3:] == 255).all(), "the long line runs out of the picture"
 
 
-def test_sheet_holds_pictures_of_any_size() -> None:
+def test_contact_sheet_holds_images_of_any_size() -> None:
     pictures = [np.full((height, 50, 3), shade, np.uint8) for height, shade in [(40, 10), (60, 20), (50, 30)]]
     page = make_contact_sheet(pictures, columns=2, gap=5)
     assert page.shape == (2 * 65 + 5, 2 * 55 + 5, 3)

@@ -1,8 +1,10 @@
 """Measuring photos from the command line."""
 
 import csv
+import errno
 import json
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +14,12 @@ from PIL import Image
 from sheets import drawn
 
 from laesi_tf import predict as command
+from laesi_tf.common.errors import InputError
+from laesi_tf.estimators import factory
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
-from laesi_tf.reporting.overlay import GRID_COLOUR, draw_grid
+from laesi_tf.reporting.leaf_records import make_records
+from laesi_tf.reporting.measurement_overlay import describe_measurement
+from laesi_tf.reporting.overlay import GRID_COLOUR, PREDICTED_COLOUR, draw_grid
 
 pytestmark = pytest.mark.usefixtures("stand_in_networks")
 
@@ -71,9 +77,9 @@ def test_known_scale(runs: dict[str, Path], tmp_path: Path) -> None:
     assert row["area_cm2"] == pytest.approx(math.pi * 90**2 / 16 / 100, rel=0.03) and row["px_per_mm"] == 4.0
 
 
-def test_refusal_is_told(runs: dict[str, Path], tmp_path: Path) -> None:
+def test_refusal_names_the_flag_that_helps(runs: dict[str, Path], tmp_path: Path) -> None:
     (row,) = predict(tmp_path / "out", save(tmp_path / "a.png", 96, 96), "--model", runs["mask"])
-    assert row["area_cm2"] is None and "px_per_mm" in str(row["error"])
+    assert row["area_cm2"] is None and "--px-per-mm" in str(row["error"])
     assert row["refused"] is True and row["leaf"] is None
 
 
@@ -113,8 +119,8 @@ def test_overlay_shows_the_outline_and_is_of_handy_size(runs: dict[str, Path], t
     predict(tmp_path / "out", save(tmp_path / "a.png", 1800, 2400), *models)
     overlay = np.asarray(Image.open(tmp_path / "out" / "a.overlay.png"))
     assert overlay.shape[1] == 1600 and 1200 < overlay.shape[0] < 1500
-    columns = np.nonzero((overlay == command.FOUND).all(axis=2).any(axis=0))[0]
-    # A disk of 0.3 of the shorter side about the middle.
+    columns = np.nonzero((overlay == PREDICTED_COLOUR).all(axis=2).any(axis=0))[0]
+    # A disk of 0.3 of the shorter side in the middle.
     assert (columns.min(), columns.max()) == pytest.approx((800 - 360, 800 + 360), abs=14)
 
 
@@ -163,24 +169,85 @@ def test_leaves_are_numbered_in_table_summary_and_overlay(
 
 def test_each_leaf_has_its_row(tmp_path: Path) -> None:
     class Two:
-        def measure(self, image: np.ndarray, known: PhotoInfo = UNKNOWN) -> Measurement:
+        def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
             return Measurement(
                 method="two",
                 leaves=(LeafMeasurement(area_cm2=2.0), LeafMeasurement(area_cm2=3.0, px_per_mm=4.0)),
             )
 
-    rows = command.predict(Two(), [save(tmp_path / "a.png", 50, 50)], known=UNKNOWN, out=tmp_path)
+    (rows,) = command.measure_photos(Two(), [save(tmp_path / "a.png", 50, 50)], info=UNKNOWN, out=tmp_path)
     assert [(row.area_cm2, row.px_per_mm) for row in rows] == [(2.0, None), (3.0, 4.0)]
 
 
-def test_the_lattice_lies_on_the_lines_of_the_sheet() -> None:
+def test_the_grid_is_parallel_to_the_lines_of_the_sheet() -> None:
     image, forward = drawn(px_per_mm=6.0, turn=0.2, tilt=(0.1, 0.05))
     plain = np.full_like(image, 255)
-    lattice = draw_grid(plain, forward)[..., 0] < 100  # from white to GRID's red
+    grid = draw_grid(plain, forward)[..., 0] < 100
     assert GRID_COLOUR[0] == 0
-    rows, columns = np.nonzero(lattice)
+    rows, columns = np.nonzero(grid)
     u, v, w = forward @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
     corners = forward @ np.array([[0, 600, 600, 0], [0, 0, 600, 600], [1, 1, 1, 1]])
     low = (corners[:2] / corners[2]).min(axis=1)
     off = [np.abs((place - start + 5) % 10 - 5) for place, start in zip((u / w, v / w), low, strict=True)]
-    assert lattice.any() and np.minimum(*off).max() < 0.3
+    assert grid.any() and np.minimum(*off).max() < 0.3
+
+
+def test_numbers_have_five_significant_digits(tmp_path: Path) -> None:
+    leaf = LeafMeasurement(area_cm2=100 / 3, px_per_mm=6.123456789012345)
+    (record,) = make_records(
+        "a.png", Measurement(method="one", leaves=(leaf,), tilt_deg=1 / 3), "a.overlay.png"
+    )
+    assert (record.area_cm2, record.px_per_mm, record.tilt_deg) == (33.333, 6.1235, 0.33333)
+
+
+@pytest.mark.parametrize(("uncertainty", "text"), [(0.0, "2.00 ± 0.00 cm²"), (None, "2.00 cm²")])
+def test_an_uncertainty_of_zero_is_known(uncertainty: float | None, text: str) -> None:
+    leaves = (LeafMeasurement(area_cm2=2.0, uncertainty_cm2=uncertainty),)
+    assert describe_measurement(Measurement(method="one", leaves=leaves)) == [text]
+
+
+class StopAfter:
+    """An estimator of one leaf that raises an error at a given photo."""
+
+    def __init__(self, count: int, error: BaseException) -> None:
+        self.remaining, self.error = count, error
+
+    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+        if not self.remaining:
+            raise self.error
+        self.remaining -= 1
+        return Measurement(method="one", leaves=(LeafMeasurement(area_cm2=2.0),))
+
+
+def test_ctrl_c_keeps_what_was_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    photos = [save(tmp_path / f"{name}.png", 50, 50) for name in "abc"]
+    monkeypatch.setattr(factory, "load_estimator", lambda *_, **__: StopAfter(2, KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        command.main([*map(str, photos), "--out", str(tmp_path / "out")])
+    with (tmp_path / "out" / "areas.csv").open(newline="") as file:
+        assert [Path(row["photo"]).name for row in csv.DictReader(file)] == ["a.png", "b.png"]
+
+
+def test_a_full_disk_is_one_error_and_keeps_what_was_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photos = [save(tmp_path / f"{name}.png", 50, 50) for name in "abc"]
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    monkeypatch.setattr(factory, "load_estimator", lambda *_, **__: StopAfter(3, full))
+    write = Image.Image.save
+
+    def save_until_full(image: Image.Image, path: Path, **options: object) -> None:
+        if "c-" in Path(path).name or Path(path).name.startswith(".c."):
+            raise full
+        write(image, path, **options)
+
+    monkeypatch.setattr(Image.Image, "save", save_until_full)
+    with pytest.raises(InputError, match=r"c\.overlay\.png: No space left"):
+        command.main([*map(str, photos), "--out", str(tmp_path / "out")])
+    with (tmp_path / "out" / "areas.csv").open(newline="") as file:
+        assert [Path(row["photo"]).name for row in csv.DictReader(file)] == ["a.png", "b.png"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "a.overlay.png",
+        "areas.csv",
+        "b.overlay.png",
+    ]

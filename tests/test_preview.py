@@ -72,16 +72,6 @@ def test_passes_show_one_leaf_in_four_lights() -> None:
     assert all(scene_tiles._is_visibly_different(one, other) for one, other in itertools.pairwise(tiles))
 
 
-def test_outlines_follow_leaf_and_holes() -> None:
-    mask = np.zeros((40, 50), np.uint8)
-    mask[5:35, 8:40] = 1
-    mask[15:20, 20:26] = 0
-    outlines = scene_tiles._trace_contours(mask)
-    assert len(outlines) == 2
-    low, high = outlines[0].min(axis=0), outlines[0].max(axis=0)
-    assert low.tolist() == [8, 5] and high.tolist() == [39, 34]
-
-
 def test_photos_stand_beside_the_scenes(simple: Path, tmp_path: Path) -> None:
     Image.fromarray(photo(80, 60)).save(tmp_path / "good.png")
     (tmp_path / "bad.png").write_bytes(b"no picture")

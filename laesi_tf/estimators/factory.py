@@ -1,5 +1,6 @@
 """Load the estimator that a training run, a pair of runs or the name of a rule-based method stands for."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from laesi_tf.common.errors import InputError
@@ -8,16 +9,31 @@ from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import NAME, EasyLeafArea
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
-from laesi_tf.models.saved_model import PRETRAINED, load_run
+from laesi_tf.models.saved_model import PRETRAINED, Run, load_run
+
+
+def _make_area_estimator(run: Run) -> AreaEstimator:
+    return AreaEstimator(run.model, run.spec.size, run.spec.transform)
+
+
+def _make_mask_estimator(run: Run) -> MaskEstimator:
+    return MaskEstimator(run.model, run.spec.size)
+
+
+_ESTIMATORS: dict[str, Callable[[Run], Estimator]] = {
+    "area": _make_area_estimator,
+    "mask": _make_mask_estimator,
+}
+"""The estimator that a run of each task is alone."""
 
 
 def load_estimator(run: Path | str | None = None, *, mask_run: Path | str | None = None) -> Estimator:
-    """Return the estimator that the training run in folder `run` is for; without one, of the shipped runs.
+    """Load the estimator for the training run in folder `run`; without one, for the shipped runs.
 
     `rule_based` in place of a run gives Easy Leaf Area, which takes the scale from a red square. A run of
-    task `area` gives the regression. With `mask_run`, a run of task `mask`, beside it the ruling of the paper
-    is read and the regression stands in where it cannot be. A run of task `mask` alone gives the
-    segmentation, which needs a given scale. Raises InputError.
+    task `area` gives the area estimator; with `mask_run`, a run of task `mask`, beside it, the ruling
+    estimator. A run of task `mask` alone gives the mask estimator, which needs a given scale. Raises
+    InputError.
     """
     if str(run) == NAME:
         if mask_run is not None:
@@ -25,19 +41,18 @@ def load_estimator(run: Path | str | None = None, *, mask_run: Path | str | None
         return EasyLeafArea()
     if run is None:
         run, mask_run = PRETRAINED / "area", mask_run or PRETRAINED / "mask"
-    trained = load_run(Path(run))
-    if trained.spec.task == "mask":
-        if mask_run is not None:
-            raise InputError(
-                f"{run} is a mask model itself; name an area model beside the mask model {mask_run}"
-            )
-        return MaskEstimator(trained.model, trained.spec.size)
-    regression = AreaEstimator(trained.model, trained.spec.size, trained.spec.transform)
-    return regression if mask_run is None else RulingEstimator(_load_mask_estimator(mask_run), regression)
+    if mask_run is not None:
+        area, mask = _load_run_of("area", run), _load_run_of("mask", mask_run)
+        return RulingEstimator(_make_mask_estimator(mask), _make_area_estimator(area))
+    loaded = load_run(Path(run))
+    if loaded.spec.task not in _ESTIMATORS:
+        raise InputError(f"{run} is a model of task {loaded.spec.task}, which measures no photos")
+    return _ESTIMATORS[loaded.spec.task](loaded)
 
 
-def _load_mask_estimator(run: Path | str) -> MaskEstimator:
-    trained = load_run(Path(run))
-    if trained.spec.task != "mask":
-        raise InputError(f"{run} is a model of {trained.spec.task}; name one trained with --task mask")
-    return MaskEstimator(trained.model, trained.spec.size)
+def _load_run_of(task: str, path: Path | str) -> Run:
+    """Load a run and check its task. Raises InputError."""
+    run = load_run(Path(path))
+    if run.spec.task != task:
+        raise InputError(f"{path} is a model of task {run.spec.task}; name one trained with --task {task}")
+    return run

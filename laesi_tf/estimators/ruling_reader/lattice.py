@@ -1,4 +1,4 @@
-"""Square lattices seen in perspective, and their fit to frequencies measured in patches.
+"""Square lattices in perspective, and their fit to frequencies measured in patches.
 
 A lattice is [..., 6]: (a, b, d, e, g, h) maps a point (u, v), in units of half the picture's longer side
 from its middle, to the sheet's coordinates X = (a u + b v) / w and Y = (d u + e v) / w, w = g u + h v + 1,
@@ -11,10 +11,10 @@ from typing import NamedTuple
 import tensorflow as tf
 
 _ROUNDS = 3
-"""Gauss-Newton converges in three to four from a start within a tenth, and fits follow one another."""
-_STEEPEST = 0.45
-"""Bound of each of a lattice's two numbers of perspective: nothing in the picture is then behind the
-camera."""
+"""Gauss-Newton converges in three to four iterations from a start within a tenth, and fits are repeated."""
+MAX_PERSPECTIVE = 0.4
+"""Bound of a lattice's change of scale to the border, twice that of a tilt of 20 degrees: nothing in
+the photo is then behind the camera."""
 _RIDGE = 1e-5
 
 
@@ -26,30 +26,30 @@ class Peaks(NamedTuple):
 
 
 def lattice_frequencies(lattice: tf.Tensor, centres: tf.Tensor) -> tf.Tensor:
-    """Frequencies [B, K, 2 families, 2] of lattices [B, 6] at `centres` [K, 2]."""
+    """Return the frequencies [B, K, 2 families, 2] of lattices [B, 6] at `centres` [K, 2]."""
     return _linearise(lattice, centres)[0]
 
 
 def rescale(lattice: tf.Tensor, factors: tf.Tensor) -> tf.Tensor:
-    """Lattices [..., 6] with their lines taken for families `factors` [..., 2] times as fine."""
+    """Return lattices [..., 6] with their lines taken for families `factors` [..., 2] times as fine."""
     ones = tf.ones_like(factors)
     return lattice * tf.concat([tf.repeat(factors, 2, axis=-1), ones], axis=-1)
 
 
 def rates(lattice: tf.Tensor) -> tf.Tensor:
-    """Periods per unit [..., 2] of lattices [..., 6] in the picture's middle, along u and along v."""
+    """Return the periods per unit [..., 2] along u and v, in the middle of the photo, of lattices [..., 6]."""
     a, b, d, e, _, _ = tf.unstack(lattice, axis=-1)
     return tf.sqrt(tf.stack([a * a + d * d, b * b + e * e], axis=-1))
 
 
 def rate(lattice: tf.Tensor) -> tf.Tensor:
-    """Periods per unit [...] in the picture's middle, geometric mean over directions."""
+    """Return the periods per unit [...] in the middle of the photo, geometric mean over directions."""
     a, b, d, e, _, _ = tf.unstack(lattice, axis=-1)
     return tf.sqrt(tf.abs(a * e - b * d))
 
 
 def fit_to_peaks(lattice: tf.Tensor, centres: tf.Tensor, peaks: Peaks) -> tf.Tensor:
-    """Lattices [B, 6] moved to the peaks of the patches at `centres` [K, 2].
+    """Fit lattices [B, 6] to the peaks of the patches at `centres` [K, 2].
 
     Gauss-Newton with robust (Cauchy) weights on the relative error of the frequencies. Without peaks in at
     least five patches the perspective is left alone.
@@ -70,13 +70,13 @@ def fit_to_peaks(lattice: tf.Tensor, centres: tf.Tensor, peaks: Peaks) -> tf.Ten
         right = tf.reshape((predicted - peaks.at) * robust[..., 0], [lattice.shape[0], -1, 1])
         normal = tf.matmul(rows, rows, transpose_a=True)
         lattice -= solve(normal, tf.matmul(rows, right, transpose_a=True)[..., 0]) * free
-        bounded = tf.clip_by_value(lattice[:, 4:], -_STEEPEST, _STEEPEST)
+        bounded = tf.clip_by_value(lattice[:, 4:], -MAX_PERSPECTIVE, MAX_PERSPECTIVE)
         lattice = tf.concat([lattice[:, :4], bounded], axis=1)
     return lattice
 
 
 def median(values: tf.Tensor, valid: tf.Tensor) -> tf.Tensor:
-    """Median [B] of `values` [B, ...] where `valid`; 0 where nothing is."""
+    """Return the median [B] of `values` [B, ...] where `valid`; 0 where nothing is."""
     batch = values.shape[0]
     flat = tf.reshape(tf.where(valid, values, -1.0), [batch, -1])
     falling = tf.math.top_k(flat, flat.shape[1]).values
@@ -85,7 +85,7 @@ def median(values: tf.Tensor, valid: tf.Tensor) -> tf.Tensor:
 
 
 def solve(matrix: tf.Tensor, right: tf.Tensor) -> tf.Tensor:
-    """Solve positive semidefinite systems [B, n, n] x = [B, n]: Gauss-Jordan, ridged, of built-in operations.
+    """Solve positive semidefinite systems [B, n, n] x = [B, n] by Gauss-Jordan elimination with a ridge.
 
     Scaled to a unit diagonal first, no pivoting is needed.
     """
@@ -101,7 +101,7 @@ def solve(matrix: tf.Tensor, right: tf.Tensor) -> tf.Tensor:
 
 
 def _linearise(lattice: tf.Tensor, centres: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Frequencies [B, K, 2, 2] and their derivatives [B, K, 2, 2, 6] by the lattice's numbers."""
+    """Return frequencies [B, K, 2, 2] and their derivatives [B, K, 2, 2, 6] by the lattice's numbers."""
     a, b, d, e, g, h = tf.unstack(lattice[:, None], axis=-1)
     u, v = tf.unstack(centres, axis=-1)
     w = 1 / (g * u + h * v + 1)

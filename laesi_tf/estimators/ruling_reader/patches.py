@@ -1,7 +1,7 @@
-"""Patches cut from a working picture of fixed size, upright as it is or straightened by a lattice.
+"""Patches of a working image of fixed size, as it is or rectified by a lattice.
 
-The picture is uint8 [FRAME, FRAME]: grey in 1..255 where paper may be seen, 0 on the leaf and beyond the
-photo, whose top left corner is at (BORDER, BORDER).
+The image is uint8 [FRAME, FRAME]: grey in 1..255 where paper may be visible, 0 on the leaf and beyond the
+photo, whose upper left corner is at (BORDER, BORDER).
 """
 
 import numpy as np
@@ -13,30 +13,30 @@ from laesi_tf.estimators.ruling_reader.spectra import SIDE, local_mean
 BORDER = 16
 """Blank pixels around the photo: a cell."""
 FRAME = OVERVIEW_SIDE_PX + 2 * BORDER
-"""Side of the working picture, pixels."""
+"""Side of the working image, pixels."""
 FINE, WIDE = 16, 4
 """Patches at full resolution, and patches at half of it that show twice as much: together they resolve the
 millimetres of a wide view and the centimetres of a close one."""
-COUNT = FINE + WIDE
 _PLACES = 6
-"""Candidates for a fine patch along each axis: the barest are kept."""
+"""Candidates for a fine patch along each axis: those with the most bare paper are kept."""
 _CELL = BORDER
-"""Pixels that corners are rounded to, and that coverage is sampled at."""
+"""Grid in pixels to which corners are rounded, and on which coverage is sampled."""
 _BARE = 0.35
-"""Least share of bare paper in a patch: what is covered is left out by the pixel, and a close view has few
-others."""
+"""Least share of bare paper in a patch: covered pixels are left out; close views have few bare patches."""
 
 
 def choose_patches(picture: tf.Tensor, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
-    """Patches float [COUNT, SIDE, SIDE] of a photo of `size` int [2] (height, width), their middles (x, y) in
-    pixels [COUNT, 2], and the pixels that one of theirs stands for [COUNT]."""
+    """Choose patches float [K, SIDE, SIDE] of a photo of `size` int [2] (height, width).
+
+    Also returns their middles (x, y) in pixels [K, 2], and the width of one of their pixels [K].
+    """
     order = np.random.default_rng(0).permutation(_PLACES**2).astype(np.float32)
     places = _corners(size, _PLACES, SIDE)
     cells = SIDE // _CELL
     bare = tf.minimum(tf.cast(picture[None, BORDER::_CELL, BORDER::_CELL, None], tf.float32), 1)
     share = tf.nn.avg_pool2d(bare, cells, 1, "VALID")[0, :, :, 0]
     share = tf.gather_nd(share, places // _CELL)
-    # Where more are bare than are kept, those that are left out lie scattered.
+    # Where more are bare than are kept, the omitted ones are scattered.
     best = tf.math.top_k(tf.minimum(share, 0.9) - 1e-4 * order, FINE).indices
     fine, wide = tf.gather(places, best), _corners(size, 2, 2 * SIDE)
     halved = tf.nn.avg_pool2d(_cut(picture, wide, 2 * SIDE)[..., None], 2, 2, "VALID")[..., 0]
@@ -49,7 +49,7 @@ def choose_patches(picture: tf.Tensor, size: tf.Tensor) -> tuple[tf.Tensor, tf.T
 
 
 def _corners(size: tf.Tensor, count: int, side: int) -> tf.Tensor:
-    """Corners int [count * count, 2] (y, x) of squares of `side` pixels, evenly over the photo."""
+    """Return corners int [count * count, 2] (y, x) of squares of `side` pixels, evenly over the photo."""
     last = tf.cast(tf.maximum(size - side, 0), tf.float32)
     steps = np.linspace(0, 1, count, dtype=np.float32)
     grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -57,7 +57,7 @@ def _corners(size: tf.Tensor, count: int, side: int) -> tf.Tensor:
 
 
 def _cut(picture: tf.Tensor, corners: tf.Tensor, side: int) -> tf.Tensor:
-    """Squares float [n, side, side] of `picture` at corners [n, 2], multiples of a cell."""
+    """Return squares float [n, side, side] of `picture` at corners [n, 2], multiples of a cell."""
     pieces = tf.reshape(picture, [FRAME * FRAME // _CELL, _CELL])
     row = (corners[:, :1] + BORDER + np.arange(side, dtype=np.int32)) * (FRAME // _CELL)
     across = BORDER // _CELL + np.arange(side // _CELL, dtype=np.int32)
@@ -68,10 +68,10 @@ def _cut(picture: tf.Tensor, corners: tf.Tensor, side: int) -> tf.Tensor:
 def rectify_patches(
     picture: tf.Tensor, size: tf.Tensor, lattice: tf.Tensor, middles: tf.Tensor, step: tf.Tensor
 ) -> tf.Tensor:
-    """Patches float [K, SIDE, SIDE] seen straight on.
+    """Return rectified patches float [K, SIDE, SIDE].
 
     `middles` [K, 2] and the distance `step` of samples are in periods of `lattice` [6]. Pixels are the
-    nearest: the error is noise without lines of its own.
+    nearest ones: the error is noise without lines of its own.
     """
     offsets = (np.arange(SIDE, dtype=np.float32) + 0.5 - SIDE / 2) * step
     x = (middles[:, :1] + offsets)[:, None, :]
@@ -79,24 +79,24 @@ def rectify_patches(
     height, width = tf.unstack(tf.cast(size, tf.float32))
     half = tf.maximum(height, width) / 2
     a, b, d, e, g, h = tf.unstack(lattice)
-    # The lattice's inverse up to a factor is its adjugate.
+    # The inverse of the lattice is its adjugate, up to a factor.
     u, v = (e * x) - (b * y), (a * y) - (d * x)
     w = 1 / tf.maximum((d * h - e * g) * x + ((b * g - a * h) * y + (a * e - b * d)), 1e-6)
     column = tf.clip_by_value(u * (w * half) + (width / 2 + BORDER), BORDER - 1, width + BORDER)
     row = tf.clip_by_value(v * (w * half) + (height / 2 + BORDER), BORDER - 1, height + BORDER)
     index = tf.cast(row, tf.int32) * FRAME + tf.cast(column, tf.int32)
-    # Where no lattice was found there may be none to follow: numbers that are none become odd indices.
+    # Where no lattice was found its numbers may be NaN, which become arbitrary indices.
     index = tf.clip_by_value(index, 0, FRAME * FRAME - 1)
     return tf.cast(tf.gather(tf.reshape(picture, [-1]), index), tf.float32)
 
 
 def extract_ink(patches: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Contrast [K, SIDE, SIDE] of patches [K, SIDE, SIDE] within -3..3, and 1 for those of bare paper [K].
+    """Return the contrast [K, SIDE, SIDE] of patches in -3..3, and 1 for those of bare paper, else 0 [K].
 
-    It is free of shading and of one strong edge's dominance.
+    Shading is removed, and the influence of a single strong edge bounded.
     """
     bare = tf.minimum(patches, 1)
-    # What is covered takes the mean of what is not, so that its margin is no edge.
+    # Covered pixels take the mean of the others, so that their border is no edge.
     share = tf.reduce_mean(bare, axis=[1, 2], keepdims=True)
     mean = tf.reduce_mean(patches, axis=[1, 2], keepdims=True) / tf.maximum(share, 1e-3)
     grey = patches + (1 - bare) * mean

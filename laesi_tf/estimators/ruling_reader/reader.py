@@ -2,9 +2,9 @@
 
 The ruling is a lattice, so the spectrum of a patch has peaks at the multiples of two frequency vectors: the
 gradients of the sheet's coordinates X and Y, in periods per pixel. Peaks are measured in many patches and one
-homography is fitted to all of them, so tilt is measured and undone. Which family of lines a peak belongs to
-(1, 5 or 10 mm) is decided by the comb that all harmonics make together. All of it is one TensorFlow graph;
-outside remain the resizing of the photo, and what is derived from the graph's ten numbers.
+homography is fitted to all of them, so tilt is measured and corrected. Which family of lines a peak belongs
+to (1, 5 or 10 mm) is decided by a score of all harmonics. All of it is one TensorFlow graph; only the photo
+is resized before it, and the result derived from its ten numbers.
 """
 
 from functools import cache
@@ -21,25 +21,25 @@ from laesi_tf.estimators.ruling_reader.patches import BORDER, FRAME
 from laesi_tf.estimators.ruling_reader.spectra import BINS, SIDE, compute_spectra
 
 _VIEWS_MM = 40, 450
-"""Longer side of the sheet that a picture may show."""
+"""Longer side, mm, of the part of a sheet that a photo may show."""
 _FEWEST, _DOUBTFUL, _WIDEST = 10, 0.6, 0.01
-"""Refusal: fewer measured frequencies, less confidence, or a larger median disagreement than these."""
+"""Refusal: fewer measured frequencies, less confidence, or a larger median residual than these."""
 _FAINTEST, _FAINTEST_PLAIN = 0.0, 8.0
-"""Refusal: weaker signs of a ruling, log-odds. Those of squared paper are weighed by hand; two sheets of it
-scored 10, and what was taken for it on 110 crops with too few squares, blocks of JPEG above all, 7.1 at
-most."""
+"""Refusal: less evidence of a ruling, log-odds, than these. For squared paper the weights are set by hand;
+two sheets of it scored 10, and false positives on 110 crops with too few squares, mostly blocks of JPEG, at
+most 7.1."""
 _SMALLEST = 480
-"""Longest side of a working picture of squared paper, pixels: two patches and a half."""
+"""Longest side of the working image of squared paper, pixels: two patches and a half."""
 _LARGEST = 2.0
-"""How much a small picture may be enlarged to hold a patch."""
+"""How much a small photo may be enlarged to contain a patch."""
 _FINEST_PX = 3.4
-"""Pixels per period, at least, of the working picture in the widest view: other rulings need fewer pixels."""
+"""Pixels per period, at least, of the working image of the widest view: other rulings need fewer pixels."""
 _PLAIN_MM = 2.0
-"""From this distance of the finest lines on, it is squared paper."""
+"""Distance between the finest lines, mm, from which on paper is squared paper."""
 _SEED_STRIDE, _SEEDS = 2, 3
 _SAMPLES = 5.0
-"""Samples per period of the straightened patches, at least where the photo has as many: ten are two periods
-of the heaviest lines in a patch."""
+"""Samples per period of the rectified patches, where the photo has as many: a patch then shows four periods
+of the heaviest lines."""
 
 
 def read_ruling(
@@ -49,7 +49,7 @@ def read_ruling(
     grid_mm: float = 1.0,
     rough_px_per_mm: float | None = None,
 ) -> Ruling | None:
-    """Read the ruling on `image`, uint8 [H, W, 3]; None where there is none to read.
+    """Read the ruling on `image`, uint8 [H, W, 3]; None where there is no readable one.
 
     `leaf`, bool [H, W], is left out. `grid_mm` is the distance between the finest lines. `rough_px_per_mm` is
     a rough scale from another source, which helps to decide which lines are the finest.
@@ -78,7 +78,7 @@ def read_ruling(
 
 
 def _resize_to_working_size(image: np.ndarray, grid_mm: float) -> np.ndarray | None:
-    """`image` at the size that its ruling needs; None where it is too small."""
+    """Return `image` at the size that its ruling needs; None where it is too small."""
     longer, shorter = max(image.shape[:2]), min(image.shape[:2])
     longest = min(OVERVIEW_SIDE_PX, max(_SMALLEST, 2 * _FINEST_PX * _VIEWS_MM[1] / grid_mm))
     scale = max(min(1.0, longest / longer), SIDE / shorter)
@@ -89,7 +89,7 @@ def _resize_to_working_size(image: np.ndarray, grid_mm: float) -> np.ndarray | N
 
 
 def _pad_to_frame(small: np.ndarray, leaf: np.ndarray | None) -> np.ndarray:
-    """The working picture [FRAME, FRAME] of a photo without its `leaf`.
+    """Return the working image [FRAME, FRAME] of a photo without its `leaf`.
 
     The darkest channel shows ink of any colour, on white as on tinted paper.
     """
@@ -104,7 +104,7 @@ def _pad_to_frame(small: np.ndarray, leaf: np.ndarray | None) -> np.ndarray:
 
 
 def _homography(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
-    """From the working photo's pixels, their centres at halves, to periods of the lattice [6]: [3, 3]."""
+    """Return the homography [3, 3] from pixels of the working image to periods of the lattice [6]."""
     half = max(height, width) / 2
     to_units = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, half]]) / half
     a, b, d, e, g, h = lattice.astype(float)
@@ -113,7 +113,7 @@ def _homography(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
 
 @cache
 def compile_graph() -> tf.types.experimental.PolymorphicFunction:
-    """`lattice_of` with a fixed signature, of operations that TFLite has built in."""
+    """Return `fit_lattice` with a fixed signature, of operations that TFLite has built in."""
     return tf.function(
         fit_lattice,
         input_signature=[
@@ -129,11 +129,11 @@ def compile_graph() -> tf.types.experimental.PolymorphicFunction:
 def fit_lattice(
     picture: tf.Tensor, size: tf.Tensor, view: tf.Tensor, weights: tf.Tensor
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Lattice [6] of the ruling in a working `picture` (see `patches`) of a photo of `size` (height, width).
+    """Fit a lattice [6] to the ruling in a working image `picture` of a photo of `size` (height, width).
 
-    `view` and `weights` are as in `comb.best_family`. Also [4]: what speaks for a ruling (log-odds, 0 where
-    nothing is plausible), the share of likelihood of this family, the number of frequencies that agree, and
-    the median of their relative disagreement.
+    `view` and `weights` are as in `harmonics.select_family`. Also returns [4]: the evidence of a ruling
+    (log-odds, 0 where nothing is plausible), the share of likelihood of this family, the number of
+    frequencies that agree, and the median of their relative residual.
     """
     half = tf.cast(tf.reduce_max(size), tf.float32) / 2
     pixels, middles, steps = patches.choose_patches(picture, size)
@@ -161,9 +161,9 @@ def _refit_rectified(
     view: tf.Tensor,
     weights: tf.Tensor,
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """As `lattice_of`, from a `first` lattice.
+    """Repeat the fit on patches rectified by a `first` lattice; arguments and results as of `fit_lattice`.
 
-    Seen straight on, no tooth of the comb is smeared: now the family can be told, and the fit refined.
+    In rectified patches no harmonic is smeared: now the family can be decided, and the fit refined.
     """
     half = tf.cast(tf.reduce_max(size), tf.float32) / 2
     pace = rate(first)
@@ -192,7 +192,7 @@ def _refit_rectified(
 
 
 def _compose(second: tf.Tensor, first: tf.Tensor, pace: tf.Tensor) -> tf.Tensor:
-    """The lattice [6] in the picture, of one that was found in the picture straightened by `first`."""
+    """Return the lattice [6] in the image, of one that was found in the image rectified by `first`."""
     a, b, d, e, g, h = tf.unstack(first)
     inner = tf.stack([a / pace, b / pace, 0.0, d / pace, e / pace, 0.0, g, h, 1.0])
     p, q, r, s, m, n = tf.unstack(second)
