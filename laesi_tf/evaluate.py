@@ -10,16 +10,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.estimators.base import Estimator
-from laesi_tf.estimators.factory import load_estimator
 from laesi_tf.evaluation.photo_scores import (
     PhotoScore,
     Summary,
@@ -30,9 +28,6 @@ from laesi_tf.evaluation.photo_scores import (
     sort_worst_first,
     summarise,
 )
-from laesi_tf.reporting.captions import add_caption, make_contact_sheet
-from laesi_tf.reporting.measurement_overlay import draw_comparison
-from laesi_tf.reporting.overlay import write_png
 
 _MAX_TILES = 12
 _TILE_PX = 420
@@ -50,14 +45,16 @@ def main(arguments: Sequence[str]) -> None:
     for path in (table, worst, options.json):
         if path is not None:
             require_writable(path)
+    load_tensorflow()
+    from laesi_tf.estimators.factory import load_estimator
+
     estimator = load_estimator(options.model, mask_run=options.mask_model)
     scores = score_photos(estimator, photos)
     summaries = {name: summarise(group) for name, group in group_by_subset(scores).items()}
     write_csv(table, _HEADER, map(_make_row, scores))
     written = [table]
     if worst_scores := sort_worst_first(scores)[:_MAX_TILES]:
-        tiles = make_contact_sheet([_draw_tile(estimator, score) for score in worst_scores])
-        write_png(worst, add_caption(tiles, ["outlines: predicted magenta, true blue"]))
+        _write_tiles(worst, estimator, worst_scores)
         written.append(worst)
     if options.json is not None:
         write_json(options.json, summaries)
@@ -82,17 +79,26 @@ def _make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _draw_tile(estimator: Estimator, score: PhotoScore) -> np.ndarray:
-    """Draw the photo of `score` with its outlines, measured again since outlines are not kept."""
-    image, mask = load_photo_and_mask(score.photo)
-    measurement = estimator.measure(image, photo_info(score.photo))
+def _write_tiles(path: Path, estimator: Estimator, scores: Sequence[PhotoScore]) -> None:
+    """Write an image of the photos of `scores` with their outlines, measured again as they were not kept."""
+    from laesi_tf.reporting.captions import add_caption, make_contact_sheet
+    from laesi_tf.reporting.measurement_overlay import draw_comparison
+    from laesi_tf.reporting.overlay import write_png
+
+    tiles = []
+    for score in scores:
+        image, mask = load_photo_and_mask(score.photo)
+        measurement = estimator.measure(image, photo_info(score.photo))
+        tile = draw_comparison(image, measurement, mask, side=_TILE_PX)
+        tiles.append(add_caption(tile, [_format_score(score), sanitise_text(score.photo.name)]))
+    write_png(path, add_caption(make_contact_sheet(tiles), ["outlines: predicted magenta, true blue"]))
+
+
+def _format_score(score: PhotoScore) -> str:
     text = f"true {score.photo.area_cm2:.2f}"
     if score.predicted_cm2 is not None:
         text += f", predicted {score.predicted_cm2:.2f} cm² ({score.relative_error:+.1f} %)"
-    if score.iou is not None:
-        text += f", IoU {score.iou:.3f}"
-    tile = draw_comparison(image, measurement, mask, side=_TILE_PX)
-    return add_caption(tile, [text, sanitise_text(score.photo.name)])
+    return text if score.iou is None else f"{text}, IoU {score.iou:.3f}"
 
 
 def _make_row(score: PhotoScore) -> tuple[object, ...]:

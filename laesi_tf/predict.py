@@ -11,6 +11,7 @@ from pathlib import Path
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_float
@@ -18,11 +19,8 @@ from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
 from laesi_tf.data.prefetch import prefetch
-from laesi_tf.estimators import factory
-from laesi_tf.estimators.base import Estimator, PhotoInfo
+from laesi_tf.estimators.base import Estimator, PhotoInfo, sum_uncertainties
 from laesi_tf.reporting.leaf_records import LeafRecord, make_records, write_records
-from laesi_tf.reporting.measurement_overlay import draw_measurement, sum_uncertainties
-from laesi_tf.reporting.overlay import write_png
 
 _OVERLAY = ".overlay.png"
 
@@ -35,6 +33,9 @@ def main(arguments: Sequence[str]) -> None:
     for path in (table, options.json):
         if path is not None:
             require_writable(path)
+    load_tensorflow()
+    from laesi_tf.estimators import factory
+
     estimator = factory.load_estimator(options.model, mask_run=options.mask_model)
     info = PhotoInfo(px_per_mm=options.px_per_mm, grid_mm=options.grid_mm)
     records: list[LeafRecord] = []
@@ -59,6 +60,9 @@ def measure_photos(
     A file that cannot be read becomes a record with an error. Raises InputError where `out` cannot be
     written.
     """
+    from laesi_tf.reporting.measurement_overlay import draw_measurement
+    from laesi_tf.reporting.overlay import write_png
+
     names = _name_overlays(photos)
     decoded = progress_bar(prefetch(decode_photo, photos), total=len(photos), desc="measuring", unit="photo")
     for photo, image in decoded:

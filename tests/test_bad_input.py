@@ -94,7 +94,7 @@ def test_bad_manifest(fails: Fails, leaf: Path, model: Path, tmp_path: Path) -> 
     for row, message in [
         ("leaf.png,0", "line 2: area_cm2"),
         ("../leaf.png,3", "leaves"),
-        ("x.png,3", "not exist"),
+        ("x.png,3", "none of the 1 photos can be read"),
     ]:
         path.write_text(f"image,area_cm2\n{row}\n")
         assert message in fails(evaluate, "--model", model, "--photos", path)

@@ -132,8 +132,6 @@ def _resolve_inside(folder: Path, text: str, where: str, column: str) -> Path:
         raise InputError(
             f"{where}: {column} {text!r} leaves the manifest's folder; put the file below {folder}"
         )
-    if not path.is_file():
-        raise InputError(f"{where}: {column} {text!r} does not exist; its path is relative to {folder}")
     return path
 
 

@@ -4,6 +4,7 @@ An estimator measures the leaves on one upright photo at full resolution, or ref
 one photo at a time: photos differ in size, and a measurement must not depend on the others.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -94,6 +95,15 @@ class Estimator(Protocol):
         image that cannot be measured is refused in the result, not by an exception.
         """
         ...
+
+
+def sum_uncertainties(uncertainties: Sequence[float | None]) -> float | None:
+    """Return the uncertainty of a sum of areas; None where one is unknown.
+
+    Uncertainties are added: an error of the scale is an error of all leaves.
+    """
+    known = [value for value in uncertainties if value is not None]
+    return sum(known) if len(known) == len(uncertainties) else None
 
 
 def sort_in_reading_order(boxes: np.ndarray) -> list[int]:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from laesi_tf.common import metrics
 from laesi_tf.common.errors import InputError
@@ -111,6 +110,9 @@ def bootstrap_interval(errors: np.ndarray) -> tuple[float, float]:
     """
     if errors.size == 1:
         return float(errors[0]), float(errors[0])
+    # Half a second that --help need not wait for.
+    from scipy import stats
+
     interval = stats.bootstrap(
         (errors,), np.mean, n_resamples=_RESAMPLES, method="percentile", rng=np.random.default_rng(0)
     ).confidence_interval

@@ -6,7 +6,7 @@ import numpy as np
 
 from laesi_tf.common.geometry import ImageSize, trace_polygons
 from laesi_tf.common.text import sanitise_text
-from laesi_tf.estimators.base import LeafMeasurement, Measurement
+from laesi_tf.estimators.base import LeafMeasurement, Measurement, sum_uncertainties
 from laesi_tf.reporting.captions import add_caption, draw_labels
 from laesi_tf.reporting.overlay import (
     OVERLAY_SIDE_PX,
@@ -75,15 +75,6 @@ def describe_measurement(measurement: Measurement) -> list[str]:
         if leaf.note
     ]
     return [", ".join(results), *notes[:_MAX_NOTES]]
-
-
-def sum_uncertainties(uncertainties: Sequence[float | None]) -> float | None:
-    """Return the uncertainty of a sum of areas; None where one is unknown.
-
-    Uncertainties are added: an error of the scale is an error of all leaves.
-    """
-    known = [value for value in uncertainties if value is not None]
-    return sum(known) if len(known) == len(uncertainties) else None
 
 
 def format_area(leaves: Sequence[LeafMeasurement]) -> str:

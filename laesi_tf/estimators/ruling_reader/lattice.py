@@ -37,7 +37,7 @@ def rescale(lattice: tf.Tensor, factors: tf.Tensor) -> tf.Tensor:
 
 
 def rates(lattice: tf.Tensor) -> tf.Tensor:
-    """Return the periods per unit [..., 2] along u and v, in the middle of the photo, of lattices [..., 6]."""
+    """Return the periods per unit [..., 2] along u and v of lattices [..., 6] in the middle of the photo."""
     a, b, d, e, _, _ = tf.unstack(lattice, axis=-1)
     return tf.sqrt(tf.stack([a * a + d * d, b * b + e * e], axis=-1))
 
