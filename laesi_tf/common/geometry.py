@@ -62,6 +62,11 @@ def to_cv2_points(points: np.ndarray, *, shift: int = 0) -> np.ndarray:
     return np.round((points - 0.5) * 2**shift).astype(np.int32)
 
 
+def pixel_centres(mask: np.ndarray) -> np.ndarray:
+    """Return the centres [N, 2] of the nonzero pixels of `mask` [H, W]."""
+    return np.argwhere(mask)[:, ::-1] + 0.5
+
+
 def apply_homography(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Map `points` [N, 2] through a homography [3, 3]: float64 [N, 2]."""
     homogeneous = np.column_stack([points, np.ones(len(points))]) @ homography.T

@@ -84,6 +84,13 @@ class Measurement:
         areas = [leaf.area_cm2 for leaf in self.leaves if leaf.area_cm2 is not None]
         return sum(areas) if areas and self.refusal is None else None
 
+    @property
+    def uncertainty_cm2(self) -> float | None:
+        """Standard deviation of `area_cm2`; None where that of a leaf is unknown."""
+        if self.area_cm2 is None:
+            return None
+        return sum_uncertainties([leaf.uncertainty_cm2 for leaf in self.leaves])
+
 
 class Estimator(Protocol):
     """A way to measure leaves on a photo."""

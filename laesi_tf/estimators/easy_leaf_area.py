@@ -14,7 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from laesi_tf.common.geometry import trace_polygons
+from laesi_tf.common.geometry import pixel_centres, trace_polygons
 from laesi_tf.estimators.base import (
     UNKNOWN,
     LeafMeasurement,
@@ -134,7 +134,12 @@ class EasyLeafArea:
     """Measures by colour rules; nothing is learned."""
 
     def __init__(self, params: EasyLeafAreaParams | None = None) -> None:
-        self._params = params or EasyLeafAreaParams()
+        """Take other parameters than the software's."""
+        self.params = params or EasyLeafAreaParams()
+
+    def with_params(self, params: EasyLeafAreaParams) -> "EasyLeafArea":
+        """Return an estimator with other parameters."""
+        return EasyLeafArea(params)
 
     def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`; a given scale is used where there is no square."""
@@ -146,24 +151,24 @@ class EasyLeafArea:
         method = _BY_GIVEN_SCALE if not square_px and info.px_per_mm else _BY_SQUARE
         if not components:
             return Measurement(method=method, mask=mask, refusal=NO_LEAF)
-        px_per_mm = math.sqrt(square_px / (100 * self._params.square_cm2)) or info.px_per_mm
+        px_per_mm = math.sqrt(square_px / (100 * self.params.square_cm2)) or info.px_per_mm
         leaves = tuple(_measure_leaf(component, pyramid, px_per_mm) for component in components)
         refusal = _NO_SQUARE if px_per_mm is None else None
         return Measurement(method=method, leaves=leaves, mask=mask, refusal=refusal)
 
     def _apply_rules(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return masks, bool [h, w] each, of leaf pixels and of red pixels that are not leaf."""
-        step = max(1, round(max(image.shape[:2]) / self._params.sample_side_px))
+        step = max(1, round(max(image.shape[:2]) / self.params.sample_side_px))
         sample, nothing = image[::step, ::step], np.zeros(image.shape[:2], bool)
-        green = fit_leaf_rule(sample, self._params.min_sample_share)
-        red = fit_square_rule(sample, self._params.min_sample_share)
+        green = fit_leaf_rule(sample, self.params.min_sample_share)
+        red = fit_square_rule(sample, self.params.min_sample_share)
         leaf_mask = nothing if green is None else green.matches(image)
         return leaf_mask, nothing if red is None else red.matches(image) & ~leaf_mask
 
     def _find_leaf_components(self, leaf_mask: np.ndarray, crop: Crop) -> list[PlacedMask]:
         """Return the components of `leaf_mask`, bool [h, w] over a crop, large enough, in reading order."""
         _, labels, boxes, _ = cv2.connectedComponentsWithStats(leaf_mask.astype(np.uint8), connectivity=4)
-        least = self._params.min_leaf_share * leaf_mask.size
+        least = self.params.min_leaf_share * leaf_mask.size
         large = [label for label in range(1, len(boxes)) if boxes[label, cv2.CC_STAT_AREA] >= least]
         components = []
         for label in large:
@@ -177,14 +182,13 @@ class EasyLeafArea:
 
     def _find_square(self, red_mask: np.ndarray) -> int:
         """Return the pixels of the largest component of `red_mask`, bool [h, w]; 0 if it is no square."""
-        params = self._params
+        params = self.params
         _, labels, boxes, _ = cv2.connectedComponentsWithStats(red_mask.astype(np.uint8), connectivity=4)
         if len(boxes) == 1:
             return 0
         largest = 1 + int(np.argmax(boxes[1:, cv2.CC_STAT_AREA]))
         pixels = int(boxes[largest, cv2.CC_STAT_AREA])
-        centres = np.argwhere(labels == largest)[:, ::-1].astype(np.float32)
-        _, sides, _ = cv2.minAreaRect(centres)
+        _, sides, _ = cv2.minAreaRect(pixel_centres(labels == largest).astype(np.float32))
         # The box around pixel centres is one pixel narrower than that around the pixels.
         short, long = sorted(side + 1 for side in sides)
         is_filled = pixels >= params.min_square_fill * short * long

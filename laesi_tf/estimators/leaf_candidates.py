@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from laesi_tf.common.geometry import pixel_centres
 from laesi_tf.data.letterbox import Letterbox
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
@@ -130,8 +131,7 @@ class LeafCandidate:
 
     def pixel_centres(self) -> np.ndarray:
         """Return the centres [N, 2] of the component's pixels in photo pixels."""
-        centres = np.argwhere(self.component)[:, ::-1] + 0.5
-        return self.crop.to_photo(self.letterbox.to_photo_points(centres))
+        return self.crop.to_photo(self.letterbox.to_photo_points(pixel_centres(self.component)))
 
     def is_covered_by(self, others: Sequence["LeafCandidate"]) -> bool:
         """Return whether most of the component lies on one of `others`."""

@@ -1,5 +1,6 @@
 """Measure each leaf as the area of its mask times a scale that is given; a network predicts the masks."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -42,9 +43,17 @@ class MaskEstimator:
         self, model: keras.Model, input_size: tuple[int, int], params: MaskEstimatorParams | None = None
     ) -> None:
         """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1] and its (height, width)."""
-        self._params = params or MaskEstimatorParams()
-        predict = compile_inference(model, input_size)
-        self._detector = LeafDetector(predict, input_size, self._params.detector)
+        self.params = params or MaskEstimatorParams()
+        self._input_size = input_size
+        self._predict = compile_inference(model, input_size)
+        self._detector = LeafDetector(self._predict, input_size, self.params.detector)
+
+    def with_params(self, params: MaskEstimatorParams) -> "MaskEstimator":
+        """Return an estimator with the same network and other parameters."""
+        changed = copy.copy(self)
+        changed.params = params
+        changed._detector = LeafDetector(self._predict, self._input_size, params.detector)
+        return changed
 
     def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`; a refusal for want of a scale has a mask and outlines."""
@@ -66,7 +75,7 @@ class MaskEstimator:
 
     def outline_leaves(self, candidates: Sequence[LeafCandidate], pyramid: PhotoPyramid) -> list[LeafOutline]:
         """Outline detected leaves at the photo's resolution, in reading order; pens are left out."""
-        params = self._params.outline
+        params = self.params.outline
         outlined = (outline_leaf(candidate, pyramid.size, params) for candidate in candidates)
         outlines = [outline for outline in outlined if outline is not None]
         if len(outlines) > 1:

@@ -16,7 +16,7 @@ from laesi_tf.estimators.area_estimator import AreaEstimator, AreaPrediction
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.estimators.camera_fit import CameraParams, Ruling
 from laesi_tf.estimators.leaf_outline import LeafOutline, coarse_mask, paint_masks
-from laesi_tf.estimators.mask_estimator import NO_LEAF, MaskEstimator
+from laesi_tf.estimators.mask_estimator import NO_LEAF, MaskEstimator, MaskEstimatorParams
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.ruling_reader.reader import read_ruling
@@ -34,8 +34,9 @@ _ADD_AREA_MODEL = f"{_SHOW_MORE_PAPER}, or add an area model"
 
 @dataclass(frozen=True, kw_only=True)
 class RulingEstimatorParams:
-    """Parameters of scale and uncertainty."""
+    """Parameters of masks, scale and uncertainty."""
 
+    mask: MaskEstimatorParams = field(default_factory=MaskEstimatorParams)
     camera: CameraParams = field(default_factory=CameraParams)
     low_confidence: float = parameter(0.8, unit="probability")
     """A ruling with less confidence gets a note."""
@@ -70,10 +71,14 @@ class RulingEstimator:
         area_estimator: AreaEstimator | None = None,
         params: RulingEstimatorParams | None = None,
     ) -> None:
-        """Take an estimator of masks and, optionally, one of areas."""
-        self._mask_estimator = mask_estimator
+        """Take an estimator of masks and, optionally, one of areas; `params` replace those of the first."""
+        self.params = params or RulingEstimatorParams(mask=mask_estimator.params)
+        self._mask_estimator = mask_estimator.with_params(self.params.mask)
         self._area_estimator = area_estimator
-        self._params = params or RulingEstimatorParams()
+
+    def with_params(self, params: RulingEstimatorParams) -> "RulingEstimator":
+        """Return an estimator with the same networks and other parameters."""
+        return RulingEstimator(self._mask_estimator, self._area_estimator, params)
 
     def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`; `info.grid_mm` is used, `info.px_per_mm` is not."""
@@ -102,14 +107,14 @@ class RulingEstimator:
             mask=mask,
             to_mm=to_mm,
             tilt_deg=ruling.tilt_deg,
-            note=LOW_CONFIDENCE if ruling.confidence < self._params.low_confidence else None,
+            note=LOW_CONFIDENCE if ruling.confidence < self.params.low_confidence else None,
         )
 
     def _measure_leaf(
         self, outline: LeafOutline, to_mm: np.ndarray, ruling: Ruling, pyramid: PhotoPyramid
     ) -> LeafMeasurement:
         """Measure a leaf through the ruling's homography, corrected for its height above the paper."""
-        params = self._params
+        params = self.params
         leaf = outline.measure(to_mm)
         assert leaf.area_cm2 is not None and leaf.uncertainty_cm2 is not None
         focal_px = params.camera.focal_length * max(pyramid.size)
@@ -125,7 +130,7 @@ class RulingEstimator:
         self, outlines: list[LeafOutline], mask: np.ndarray, prediction: AreaPrediction | None, advice: str
     ) -> Measurement:
         """Measure one leaf by the network's area, several by its scale: it was trained on one leaf."""
-        relative_sd = self._params.area_network_sd
+        relative_sd = self.params.area_network_sd
         if prediction is not None and math.isfinite(prediction.area_cm2):
             if len(outlines) == 1:
                 area = prediction.area_cm2

@@ -1,12 +1,10 @@
 """Draw what was measured on a photo: grid, numbered outlines, and the results as text below."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from laesi_tf.common.geometry import ImageSize, trace_polygons
 from laesi_tf.common.text import sanitise_text
-from laesi_tf.estimators.base import LeafMeasurement, Measurement, sum_uncertainties
+from laesi_tf.estimators.base import Measurement
 from laesi_tf.reporting.captions import add_caption, draw_labels
 from laesi_tf.reporting.overlay import (
     OVERLAY_SIDE_PX,
@@ -61,7 +59,7 @@ def describe_measurement(measurement: Measurement) -> list[str]:
     if measurement.refusal is not None:
         return [f"refused: {measurement.refusal}"]
     leaves = measurement.leaves
-    results = [format_area(leaves)]
+    results = [_format_area(measurement)]
     if scales := [leaf.px_per_mm for leaf in leaves if leaf.px_per_mm is not None]:
         results.append(f"{np.mean(scales):.2f} px/mm")
     if measurement.tilt_deg is not None:
@@ -77,12 +75,11 @@ def describe_measurement(measurement: Measurement) -> list[str]:
     return [", ".join(results), *notes[:_MAX_NOTES]]
 
 
-def format_area(leaves: Sequence[LeafMeasurement]) -> str:
-    """Return the total area of `leaves` and its uncertainty as text."""
-    total = sum(leaf.area_cm2 or 0.0 for leaf in leaves)
-    uncertainty = sum_uncertainties([leaf.uncertainty_cm2 for leaf in leaves])
-    text = f"{total:.2f} cm²" if uncertainty is None else f"{total:.2f} ± {uncertainty:.2f} cm²"
-    return text if len(leaves) == 1 else f"{len(leaves)} leaves, {text}"
+def _format_area(measurement: Measurement) -> str:
+    """Return the area of all leaves and its uncertainty as text."""
+    area, uncertainty = measurement.area_cm2 or 0.0, measurement.uncertainty_cm2
+    text = f"{area:.2f} cm²" if uncertainty is None else f"{area:.2f} ± {uncertainty:.2f} cm²"
+    return text if len(measurement.leaves) == 1 else f"{len(measurement.leaves)} leaves, {text}"
 
 
 def _number_leaves(measurement: Measurement, scale: np.ndarray) -> list[tuple[np.ndarray, str]]:

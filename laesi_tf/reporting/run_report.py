@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.atomic_files import write_text
+from laesi_tf.common.geometry import trace_polygons
 from laesi_tf.common.run_files import CONFIG_FILE, HISTORY_FILE, REPORT_FILE
+from laesi_tf.reporting.overlay import PREDICTED_COLOUR, TRUE_COLOUR, draw_outlines
 from laesi_tf.reporting.run_charts import plot_learning_curves
 
 if TYPE_CHECKING:
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
 SYNTHETIC_SCENES = "fresh synthetic images"
 """What runs are validated on unless they are given something else."""
 _IMAGE_WIDTH_PX = 192
-_BLUE, _MAGENTA = (0, 90, 255), (255, 0, 160)
 _RUN_LABELS = {
     "n": "validation images",
     "best_step": "step of the network that was kept",
@@ -107,10 +108,9 @@ def _image_to_html(shown: ValidationImage) -> str:
     scale = _IMAGE_WIDTH_PX / shown.image.shape[1]
     canvas = cv2.resize(shown.image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     # The true outline is drawn first, so that the predicted one covers it where they agree.
-    for mask, colour in zip((shown.masks or ())[::-1], (_BLUE, _MAGENTA), strict=False):
-        large = cv2.resize(mask.astype(np.uint8), canvas.shape[1::-1], interpolation=cv2.INTER_NEAREST)
-        contours, _ = cv2.findContours(large, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(canvas, contours, -1, colour, 1)
+    for mask, colour in zip((shown.masks or ())[::-1], (TRUE_COLOUR, PREDICTED_COLOUR), strict=False):
+        rings = [ring * scale for polygon in trace_polygons(mask) for ring in polygon.rings]
+        canvas = draw_outlines(canvas, [(ring, colour) for ring in rings])
     encoded = cv2.imencode(".jpg", canvas[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
     return f"<img alt='' src='data:image/jpeg;base64,{base64.b64encode(encoded).decode()}'>"
 
