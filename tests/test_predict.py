@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 from green import photo, save_run
 from PIL import Image
-from sheets import drawn
 
 from laesi_tf import predict as command
 from laesi_tf.common.errors import InputError
 from laesi_tf.estimators import factory
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.reporting.leaf_records import make_records
-from laesi_tf.reporting.measurement_overlay import describe_measurement
-from laesi_tf.reporting.overlay import GRID_COLOUR, PREDICTED_COLOUR, draw_grid
+from laesi_tf.reporting.overlay import PREDICTED_COLOUR
 
 pytestmark = pytest.mark.usefixtures("stand_in_networks")
 
@@ -179,31 +177,12 @@ def test_each_leaf_has_its_row(tmp_path: Path) -> None:
     assert [(row.area_cm2, row.px_per_mm) for row in rows] == [(2.0, None), (3.0, 4.0)]
 
 
-def test_the_grid_is_parallel_to_the_lines_of_the_sheet() -> None:
-    image, forward = drawn(px_per_mm=6.0, turn=0.2, tilt=(0.1, 0.05))
-    plain = np.full_like(image, 255)
-    grid = draw_grid(plain, forward)[..., 0] < 100
-    assert GRID_COLOUR[0] == 0
-    rows, columns = np.nonzero(grid)
-    u, v, w = forward @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
-    corners = forward @ np.array([[0, 600, 600, 0], [0, 0, 600, 600], [1, 1, 1, 1]])
-    low = (corners[:2] / corners[2]).min(axis=1)
-    off = [np.abs((place - start + 5) % 10 - 5) for place, start in zip((u / w, v / w), low, strict=True)]
-    assert grid.any() and np.minimum(*off).max() < 0.3
-
-
 def test_numbers_have_five_significant_digits(tmp_path: Path) -> None:
     leaf = LeafMeasurement(area_cm2=100 / 3, px_per_mm=6.123456789012345)
     (record,) = make_records(
         "a.png", Measurement(method="one", leaves=(leaf,), tilt_deg=1 / 3), "a.overlay.png"
     )
     assert (record.area_cm2, record.px_per_mm, record.tilt_deg) == (33.333, 6.1235, 0.33333)
-
-
-@pytest.mark.parametrize(("uncertainty", "text"), [(0.0, "2.00 ± 0.00 cm²"), (None, "2.00 cm²")])
-def test_an_uncertainty_of_zero_is_known(uncertainty: float | None, text: str) -> None:
-    leaves = (LeafMeasurement(area_cm2=2.0, uncertainty_cm2=uncertainty),)
-    assert describe_measurement(Measurement(method="one", leaves=leaves)) == [text]
 
 
 class StopAfter:
