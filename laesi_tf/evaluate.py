@@ -42,9 +42,8 @@ def main(arguments: Sequence[str]) -> None:
     options = _make_parser().parse_args(arguments)
     photos = read_manifest(options.photos, split=options.split)
     table, worst = options.out / "photos.csv", options.out / "worst.png"
-    for path in (table, worst, options.json):
-        if path is not None:
-            require_writable(path)
+    for path in (table, worst):
+        require_writable(path)
     load_tensorflow()
     from laesi_tf.estimators.factory import load_estimator
 

@@ -30,9 +30,7 @@ def main(arguments: Sequence[str]) -> None:
     options = _make_parser().parse_args(arguments)
     photos = list(dict.fromkeys(_list_photos(options.photos)))
     table = options.out / "areas.csv"
-    for path in (table, options.json):
-        if path is not None:
-            require_writable(path)
+    require_writable(table)
     load_tensorflow()
     from laesi_tf.estimators import factory
 

@@ -45,8 +45,9 @@ def manifest(tmp_path: Path) -> Path:
 
 
 def run_on(manifest: Path, out: Path, *models: str) -> dict[str, dict[str, float | None]]:
-    command.main(["--photos", str(manifest), "--out", str(out), "--json", str(out / "all.json"), *models])
-    return json.loads((out / "all.json").read_text())
+    json_file = out.parent / f"{out.name}.json"
+    command.main(["--photos", str(manifest), "--out", str(out), "--json", str(json_file), *models])
+    return json.loads(json_file.read_text())
 
 
 def test_metrics_of_each_subset(

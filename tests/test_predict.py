@@ -50,8 +50,9 @@ def save(path: Path, *size: int) -> Path:
 
 
 def predict(out: Path, *arguments: object) -> Rows:
-    command.main([*map(str, arguments), "--out", str(out), "--json", str(out / "areas.json")])
-    return json.loads((out / "areas.json").read_text())
+    json_file = out.parent / f"{out.name}.json"
+    command.main([*map(str, arguments), "--out", str(out), "--json", str(json_file)])
+    return json.loads(json_file.read_text())
 
 
 def test_area_of_each_photo(
