@@ -1,26 +1,31 @@
 """Run a Keras network on NumPy images."""
 
 from collections.abc import Callable
+from typing import Any
 
 import keras
 import numpy as np
 import tensorflow as tf
+from numpy.typing import NDArray
 
 _BATCH_SIZE = 16
-"""Pictures that go through a network together: more are not faster, and each takes memory."""
+"""Larger batches are not faster and need more memory."""
 
 
-def compile_inference(model: keras.Model, size: tuple[int, int]) -> Callable[[np.ndarray], np.ndarray]:
-    """Turn `model`, [B, h, w, 3] in 0..255 -> [B, ...], into uint8 [N, h, w, 3] -> float32 [N, ...]."""
+def compile_inference(
+    model: keras.Model, size: tuple[int, int]
+) -> Callable[[NDArray[np.uint8]], NDArray[Any]]:
+    """Compile `model`, [B, h, w, 3] in 0..255 -> [B, ...], for images of `size` (h, w).
+
+    Returns a function from uint8 [N, h, w, 3] to float32 [N, ...].
+    """
     graph = tf.function(
         lambda batch: model(tf.cast(batch, tf.float32), training=False),
         input_signature=[tf.TensorSpec([None, *size, 3], tf.uint8)],
     )
 
-    def predict(pictures: np.ndarray) -> np.ndarray:
-        parts = [
-            graph(pictures[first : first + _BATCH_SIZE]) for first in range(0, len(pictures), _BATCH_SIZE)
-        ]
-        return np.concatenate([part.numpy() for part in parts])
+    def predict(images: NDArray[np.uint8]) -> NDArray[Any]:
+        batches = [images[first : first + _BATCH_SIZE] for first in range(0, len(images), _BATCH_SIZE)]
+        return np.concatenate([graph(batch).numpy() for batch in batches])
 
     return predict

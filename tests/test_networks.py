@@ -14,7 +14,7 @@ def small(*, size=SIZE, alpha=0.35, weights="none", kind="small"):
     return build_backbone(kind, size=size, alpha=alpha, weights=weights)[0]
 
 
-def images(count=4, *, size=SIZE, seed=0):
+def make_images(count=4, *, size=SIZE, seed=0):
     return np.random.default_rng(seed).integers(0, 256, (count, *size, 3)).astype(np.uint8)
 
 
@@ -47,41 +47,41 @@ def test_any_side_from_32_bytes_or_floats(size, task):
         if task == "area"
         else mask_network.build_mask_network(base)
     )
-    pictures = images(2, size=size)
-    output = model(pictures, training=False).numpy()
+    images = make_images(2, size=size)
+    output = model(images, training=False).numpy()
     assert output.shape == ((2, 3) if task == "area" else (2, *size, 1))
-    np.testing.assert_allclose(output, model(pictures.astype(np.float32), training=False), atol=1e-6)
+    np.testing.assert_allclose(output, model(images.astype(np.float32), training=False), atol=1e-6)
     assert np.isfinite(output).all()
 
 
-def test_masks_are_probabilities_and_saved_models_are_plain_keras(tmp_path):
+def test_masks_are_probabilities_and_keras_saves_and_loads_the_network(tmp_path):
     keras.utils.set_random_seed(1)
     model = mask_network.build_mask_network(small())
     for variable in model.trainable_variables:  # far from the initial 0.5
         variable.assign(variable * 3.0)
-    pictures = images()
-    output = model(pictures, training=False).numpy()
+    images = make_images()
+    output = model(images, training=False).numpy()
     assert output.min() >= 0.0
     assert output.max() <= 1.0
     assert np.ptp(output) > 0.0
     model.save(tmp_path / "model.keras")
     again = keras.models.load_model(tmp_path / "model.keras", compile=False)
-    np.testing.assert_allclose(again(pictures, training=False), output, atol=1e-6)
+    np.testing.assert_allclose(again(images, training=False), output, atol=1e-6)
 
 
-def test_lite_aspp_is_the_gate_times_the_features_plus_detail_and_margin():
+def test_lr_aspp_adds_gated_features_detail_and_edge():
     model = mask_network.build_mask_network(small())
-    pictures = images(2)
+    images = make_images(2)
     names = ("head_relu", "gate", "gated", "from_gated", "from_detail", "from_margin")
     taps = {name: model.get_layer(name) for name in names}
     probe = keras.Model(model.input, {name: layer.output for name, layer in taps.items()})
-    found = {name: value.numpy() for name, value in probe(pictures, training=False).items()}
+    found = {name: value.numpy() for name, value in probe(images, training=False).items()}
     assert found["gate"].shape == (2, 1, 1, 128)
     np.testing.assert_allclose(found["gated"], found["head_relu"] * found["gate"], rtol=1e-5)
     coarse = found["from_gated"] + found["from_detail"]
     sharper = tf.image.resize(coarse, found["from_margin"].shape[1:3]) + found["from_margin"]
     logits = tf.image.resize(sharper, SIZE)
-    np.testing.assert_allclose(model(pictures, training=False), tf.sigmoid(logits), atol=1e-5)
+    np.testing.assert_allclose(model(images, training=False), tf.sigmoid(logits), atol=1e-5)
 
 
 @pytest.mark.parametrize("transform", area_network.TRANSFORMS)
@@ -94,16 +94,16 @@ def test_transforms_invert_and_start_at_a_typical_leaf(transform):
     model = area_network.build_area_network(small(), transform=transform)
     for name in ("scale", "share"):
         model.get_layer(name).kernel.assign(tf.zeros_like(model.get_layer(name).kernel))
-    found = model(images(1), training=False).numpy()
+    found = model(make_images(1), training=False).numpy()
     start = area_network.to_area_cm2(found[:, 0], transform)
     np.testing.assert_allclose(start, area_network.TYPICAL_AREA_CM2, rtol=1e-5)
     scale, share = np.exp(found[:, 1]), np.exp(found[:, 2])
-    pixels = images(1).shape[1] * images(1).shape[2]
+    pixels = make_images(1).shape[1] * make_images(1).shape[2]
     np.testing.assert_allclose(share * pixels / scale**2 / 100, area_network.TYPICAL_AREA_CM2, rtol=1e-4)
 
 
 @pytest.mark.parametrize("transform", area_network.TRANSFORMS)
-def test_wild_outputs_are_areas_all_the_same(transform):
+def test_extreme_outputs_give_areas_within_bounds(transform):
     wild = area_network.to_area_cm2(np.array([-1e30, -5.0, 1e30, np.inf]), transform)
     assert ((wild >= area_network.SMALLEST_CM2) & (wild <= area_network.LARGEST_CM2)).all()
     assert np.isnan(area_network.to_area_cm2(np.array([np.nan]), transform)).all()
@@ -117,7 +117,7 @@ def test_l1_is_the_relative_error_of_a_typical_leaf(transform):
     assert float(loss) == pytest.approx(0.01, rel=0.01)
 
 
-def test_known_factors_count_by_what_they_do_to_the_area():
+def test_known_factors_are_weighted_by_their_effect_on_the_area():
     exact = tf.constant([[0.0, np.log(2.0), np.log(0.1)]], tf.float32)
     true = tf.constant([[1.0, 2.0, 0.1]])
     assert float(area_network.area_loss(exact, true, transform="log", loss="l1")) == pytest.approx(
@@ -146,7 +146,7 @@ def test_huber_is_quadratic_then_linear():
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
-def test_mask_losses_are_kerass():
+def test_mask_losses_equal_those_of_keras():
     random = np.random.default_rng(1)
     leaf = random.uniform(0.01, 0.99, (3, 20, 20, 1)).astype(np.float32)
     mask = random.integers(0, 2, (3, 20, 20)).astype(np.uint8)
@@ -163,7 +163,7 @@ def test_mask_losses_are_kerass():
     )
 
 
-def test_weights_of_a_file_are_the_networks(tmp_path):
+def test_weights_are_loaded_from_a_file(tmp_path):
     saved = small()
     for variable in saved.variables:
         variable.assign(tf.random.stateless_uniform(variable.shape, (1, 2)) + 0.5)
@@ -191,7 +191,7 @@ def test_weights_that_do_not_fit_are_refused(tmp_path):
         small(weights=str(path))
 
 
-def test_auto_trains_from_scratch_with_one_warning_where_there_is_no_network(offline):
+def test_auto_falls_back_to_random_weights_with_one_warning(offline):
     with pytest.warns(UserWarning, match="training from scratch") as warned:
         base, origin = build_backbone("small", size=(32, 32), weights="auto")
     assert len(warned) == 1
@@ -201,11 +201,13 @@ def test_auto_trains_from_scratch_with_one_warning_where_there_is_no_network(off
         build_backbone("small", size=(32, 32), weights="imagenet")
 
 
-def test_recalibrated_statistics_are_those_of_all_pictures_together():
+def test_recalibrated_statistics_are_those_of_all_imagestogether():
     inputs = keras.Input((8, 8, 3))
     layer = keras.layers.BatchNormalization()
     model = keras.Model(inputs, layer(inputs))
-    batches = [tf.constant(images(5, size=(8, 8), seed=seed), tf.float32) * (1.0 + seed) for seed in range(3)]
+    batches = [
+        tf.constant(make_images(5, size=(8, 8), seed=seed), tf.float32) * (1.0 + seed) for seed in range(3)
+    ]
     batch_norm.make_recalibrator(model)(lambda: batches)
     values = np.concatenate(batches).reshape(-1, 3).astype(np.float64)
     np.testing.assert_allclose(layer.moving_mean, values.mean(0), rtol=1e-5)
@@ -221,7 +223,7 @@ def test_frozen_layers_neither_learn_nor_drift():
     before = [variable.numpy() for layer in frozen for variable in layer.variables]
     head = model.get_layer("head_bn").moving_mean.numpy()
     learned = {id(variable) for variable in model.trainable_variables}
-    batch_norm.make_recalibrator(model)(lambda: [images()])
+    batch_norm.make_recalibrator(model)(lambda: [make_images()])
     assert not any(id(variable) in learned for layer in frozen for variable in layer.variables)
     for one, other in zip(before, [v for layer in frozen for v in layer.variables], strict=True):
         np.testing.assert_array_equal(one, other)
