@@ -14,11 +14,11 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.data import dataset_spec, synthetic
 from laesi_tf.data.dataset_generation import generate_dataset
 from laesi_tf.data.dataset_spec import DatasetSpec
-from laesi_tf.data.image_folders import MANIFEST_FILE
-from laesi_tf.data.manifest import Photo, read_manifest
+from laesi_tf.data.manifest import MANIFEST_FILE, Photo, read_manifest
 from laesi_tf.data.photo_dataset import load_into_memory
-from laesi_tf.synthesis import load_ranges
+from laesi_tf.synthesis import SYNTHESIS_VERSION, load_ranges
 from laesi_tf.synthesis.ranges_toml import ranges_to_toml
+from laesi_tf.training.tasks.base import Task
 
 SPLITS = ("train", "val", "test")
 _PER_SHARD = 1000
@@ -128,16 +128,19 @@ def _ensure_dataset(
         seed=seed,
         format=form,
         ranges=ranges_to_toml(ranges),
+        synthesis_version=SYNTHESIS_VERSION,
     )
     generate_dataset(contents, ranges, path)
     return path
 
 
 def make_validation_batches(
-    photos: Iterable[Photo], *, task: synthetic.TaskName, size: int, batch_size: int
+    photos: Iterable[Photo], *, task: Task, size: int, batch_size: int
 ) -> tf.data.Dataset:
     """`photos` once, in memory, as batches to validate on. Raises InputError when none can be used."""
-    pictures, _ = load_into_memory(list(photos), size=(size, size), masked=task == "mask")
+    pictures, _ = load_into_memory(list(photos), size=(size, size), needs_masks=task.needs_masks)
     return synthetic.batch_samples(
-        tf.data.Dataset.range(pictures.count).map(pictures.at), task=task, batch_size=batch_size
+        tf.data.Dataset.range(pictures.count).map(pictures.get),
+        make_target=task.make_target,
+        batch_size=batch_size,
     )

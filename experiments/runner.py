@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import keras
 
@@ -14,7 +14,6 @@ from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.paths import MEASURED, MIXTURE, SETTINGS
 from laesi_tf.common.atomic_files import read_json, write_json
 from laesi_tf.common.errors import InputError
-from laesi_tf.data.synthetic import TaskName
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
@@ -23,6 +22,7 @@ from laesi_tf.models.saved_model import Run, load_run
 from laesi_tf.training import run_directory
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.loop import fit
+from laesi_tf.training.tasks import make_task
 
 _EVALUATED_SPLITS = ("val", "test")
 
@@ -88,7 +88,7 @@ class ExperimentRunner:
 
     def _trained(self, trial: Job) -> Metrics:
         settings, splits = self._config(trial), self.photos.splits
-        side, task = settings.size[0], cast(TaskName, trial.task)
+        side, task = settings.size[0], make_task(settings)
         datasets.write_mixture(
             Path(settings.mixture), trial, self.photos, self.sets, size=side, scale=self.scale
         )

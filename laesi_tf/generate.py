@@ -1,85 +1,87 @@
-"""Make a data set of synthetic pictures: the paper's 100,000, or as many as are asked for.
+"""Generate a data set of synthetic images: the paper's 100,000, or any number.
 
-As TFRecord shards (see laesi_tf.data.tfrecords) or, for those who do not use TensorFlow, as folders of JPEG and
-PNG with a manifest.csv. Run the command again to continue where it was stopped. n machines with --shard 0/n
-to n-1/n make together, file by file, what one makes alone.
+It is stored as TFRecord shards (see laesi_tf.data.tfrecords) or, for other programs than TensorFlow, as
+folders of JPEG and PNG with a manifest.csv. Run the command again to continue after a stop; it also checks
+the shards that exist and replaces damaged ones. n machines with --shard 0/n to n-1/n together write the same
+files as one machine alone.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
-from laesi_tf.common.parsing import image_size, positive_int
-from laesi_tf.synthesis import load_ranges
-from laesi_tf.synthesis.ranges_toml import ranges_to_toml
-
-# isort: split
-from laesi_tf.data.dataset_generation import SHARD_WRITERS, generate_dataset
-from laesi_tf.data.dataset_spec import DatasetSpec
+from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
+from laesi_tf.data.dataset_spec import FORMATS, SPEC_FILE, DatasetSpec
 
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError."""
     options = _make_parser().parse_args(arguments)
-    if options.json is not None:
-        require_writable(options.json)
+    require_writable(options.out / SPEC_FILE)
+    load_tensorflow()
+    from laesi_tf.data.dataset_generation import generate_dataset
+    from laesi_tf.synthesis import SYNTHESIS_VERSION, load_ranges
+    from laesi_tf.synthesis.ranges_toml import ranges_to_toml
+
     ranges = load_ranges(options.ranges)
-    contents = DatasetSpec(
+    spec = DatasetSpec(
         count=options.count,
         size=options.size,
         per_shard=options.per_shard,
         seed=options.seed,
         format=options.format,
         ranges=ranges_to_toml(ranges),
+        synthesis_version=SYNTHESIS_VERSION,
     )
-    figures = generate_dataset(contents, ranges, options.out, part=options.shard)
+    metrics = generate_dataset(spec, ranges, options.out, shard_fraction=options.shard)
     if options.json is not None:
-        write_json(options.json, figures)
-    print(_format_summary(figures, options.out))
+        write_json(options.json, metrics)
+    print(_format_summary(metrics, options.out))
 
 
-def _format_summary(figures: dict[str, Any], out: Path) -> str:
-    there = figures["shards_already_there"]
+def _format_summary(metrics: Mapping[str, Any], out: Path) -> str:
+    present = metrics["shards_already_there"]
     return (
-        "{pictures} pictures in {shards} shards, {seconds:.0f} s at {images_per_s:.0f} images/s, "
-        "peak memory {peak_rss_mb:.0f} MB; the part is {mb:.0f} MB".format_map(figures)
-        + (f"; {there} shards were there already" if there else "")
+        "{pictures} images in {shards} shards, {seconds:.0f} s at {images_per_s:.0f} images/s, "
+        "peak memory {peak_rss_mb:.0f} MB, size {mb:.0f} MB".format_map(metrics)
+        + (f"; {present} shards existed already" if present else "")
         + f": {out}"
     )
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = make_parser("generate", __doc__)
-    made.add_argument(
-        "--count", type=positive_int, required=True, metavar="N", help="pictures in the data set"
+    parser = make_parser("generate", __doc__)
+    parser.add_argument(
+        "--count", type=positive_int, required=True, metavar="N", help="images in the data set"
     )
-    made.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the data set")
-    made.add_argument(
-        "--size", type=image_size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH"
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the data set")
+    parser.add_argument(
+        "--size", type=image_size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH in pixels"
     )
-    made.add_argument(
+    parser.add_argument(
         "--seed",
-        type=int,
+        type=non_negative_int,
         default=0,
-        help="seed of the scenes; what is to test a model needs another than it was trained with",
+        help="seed of the scenes; a data set that tests a model needs another seed than its training data",
     )
-    made.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="where scenes come from")
-    made.add_argument(
-        "--format", choices=tuple(SHARD_WRITERS), default="records", help="TFRecord, or JPEG and PNG"
+    parser.add_argument(
+        "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
     )
-    made.add_argument("--per-shard", type=positive_int, default=1000, metavar="N", help="pictures in a shard")
-    made.add_argument(
+    parser.add_argument("--format", choices=FORMATS, default="records", help="TFRecord, or JPEG and PNG")
+    parser.add_argument("--per-shard", type=positive_int, default=1000, metavar="N", help="images in a shard")
+    parser.add_argument(
         "--shard",
         type=_parse_shard_fraction,
         default=(0, 1),
         metavar="I/N",
-        help="make one of n parts, from 0/n",
+        help="generate part I of N only, counted from 0 (default: 0/1, all)",
     )
-    return made
+    return parser
 
 
 def _parse_shard_fraction(text: str) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Pictures of every kind that phones, scanners and browsers make, and files that only look like them."""
+"""Decoding photos from phones, scanners and browsers, and refusing damaged or hostile files."""
 
 import io
 import struct
@@ -17,7 +17,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.data.decoding import MAX_PIXELS, decode_mask, decode_photo, read_upright_size
 
 # Each row and column differs, so that no flip or turn goes unseen.
-PICTURE = np.stack(
+IMAGE = np.stack(
     [
         np.tile(np.arange(0, 240, 10), (16, 1)),
         np.tile(np.arange(0, 240, 15)[:, None], (1, 24)),
@@ -27,17 +27,17 @@ PICTURE = np.stack(
 ).astype(np.uint8)
 
 
-def encoded(format_: str, picture: Image.Image | None = None, **options: object) -> bytes:
+def encoded(format_: str, image: Image.Image | None = None, **options: object) -> bytes:
     buffer = io.BytesIO()
-    (picture or Image.fromarray(PICTURE)).save(buffer, format_, **options)
+    (image or Image.fromarray(IMAGE)).save(buffer, format_, **options)
     return buffer.getvalue()
 
 
 @pytest.fixture
 def put(tmp_path: Path) -> Callable[[bytes], Path]:
     def write(content: bytes) -> Path:
-        (tmp_path / "picture").write_bytes(content)
-        return tmp_path / "picture"
+        (tmp_path / "image").write_bytes(content)
+        return tmp_path / "image"
 
     return write
 
@@ -46,9 +46,9 @@ def put(tmp_path: Path) -> Callable[[bytes], Path]:
     ("format_", "tolerance"), [("PNG", 0), ("TIFF", 0), ("BMP", 0), ("GIF", 40), ("WEBP", 12), ("JPEG", 12)]
 )
 def test_formats(put: Callable[[bytes], Path], format_: str, tolerance: int) -> None:
-    picture = decode_photo(put(encoded(format_)))
-    assert picture.dtype == np.uint8 and picture.shape == PICTURE.shape and picture.flags.c_contiguous
-    assert np.abs(picture.astype(int) - PICTURE).mean() <= tolerance
+    image = decode_photo(put(encoded(format_)))
+    assert image.dtype == np.uint8 and image.shape == IMAGE.shape and image.flags.c_contiguous
+    assert np.abs(image.astype(int) - IMAGE).mean() <= tolerance
 
 
 UPRIGHT = {
@@ -72,35 +72,35 @@ def test_exif_orientation(
     exif = Image.Exif()
     exif[0x0112] = orientation
     path = put(encoded(format_, exif=exif))
-    expected = UPRIGHT[orientation](PICTURE)
+    expected = UPRIGHT[orientation](IMAGE)
     decoded = decode_photo(path)
     assert decoded.shape == expected.shape and np.abs(decoded.astype(int) - expected).mean() <= tolerance
     assert read_upright_size(path) == expected.shape[:2]
 
 
-def test_first_picture_of_a_phones_double_jpeg(put: Callable[[bytes], Path]) -> None:
+def test_first_image_of_a_phones_mpo_file(put: Callable[[bytes], Path]) -> None:
     double = encoded("MPO", save_all=True, append_images=[Image.new("RGB", (24, 16))])
-    assert np.abs(decode_photo(put(double)).astype(int) - PICTURE).mean() <= 12
+    assert np.abs(decode_photo(put(double)).astype(int) - IMAGE).mean() <= 12
 
 
-def test_damaged_exif_does_not_cost_the_photo(put: Callable[[bytes], Path]) -> None:
-    assert decode_photo(put(encoded("JPEG", exif=b"Exif\0\0MM\0\x2a\xff\xff\xff\xff"))).shape == PICTURE.shape
+def test_damaged_exif_is_ignored(put: Callable[[bytes], Path]) -> None:
+    assert decode_photo(put(encoded("JPEG", exif=b"Exif\0\0MM\0\x2a\xff\xff\xff\xff"))).shape == IMAGE.shape
 
 
 def test_transparency_is_white(put: Callable[[bytes], Path]) -> None:
-    picture = np.dstack([PICTURE, np.full((16, 24), 255, np.uint8)])
-    picture[:8, :, 3] = 0
-    picture[8, :, 3] = 128
-    decoded = decode_photo(put(encoded("PNG", Image.fromarray(picture)))).astype(int)
-    assert (decoded[:8] == 255).all() and np.array_equal(decoded[9:], PICTURE[9:])
-    assert np.abs(decoded[8] - (PICTURE[8] * 128.0 + 255 * 127) / 255).max() <= 1
+    image = np.dstack([IMAGE, np.full((16, 24), 255, np.uint8)])
+    image[:8, :, 3] = 0
+    image[8, :, 3] = 128
+    decoded = decode_photo(put(encoded("PNG", Image.fromarray(image)))).astype(int)
+    assert (decoded[:8] == 255).all() and np.array_equal(decoded[9:], IMAGE[9:])
+    assert np.abs(decoded[8] - (IMAGE[8] * 128.0 + 255 * 127) / 255).max() <= 1
 
 
 def test_transparent_palette_entry_is_white(put: Callable[[bytes], Path]) -> None:
-    picture = Image.new("P", (4, 2), 1)
-    picture.putpalette([0, 0, 0, 10, 200, 30])
-    picture.putpixel((0, 0), 0)
-    decoded = decode_photo(put(encoded("PNG", picture, transparency=0)))
+    image = Image.new("P", (4, 2), 1)
+    image.putpalette([0, 0, 0, 10, 200, 30])
+    image.putpixel((0, 0), 0)
+    decoded = decode_photo(put(encoded("PNG", image, transparency=0)))
     assert decoded[0, 0].tolist() == [255, 255, 255] and decoded[1, 1].tolist() == [10, 200, 30]
 
 
@@ -124,15 +124,15 @@ def test_sixteen_bits_are_scaled(tmp_path: Path, suffix: str, channels: int) -> 
 
 @pytest.mark.parametrize("mode", ["L", "1", "LA", "I;16"])
 def test_grey_has_three_equal_channels(put: Callable[[bytes], Path], mode: str) -> None:
-    grey = Image.fromarray(PICTURE[..., 0])
-    picture = (
+    grey = Image.fromarray(IMAGE[..., 0])
+    image = (
         grey.convert("I").point(lambda v: v * 257).convert("I;16") if mode == "I;16" else grey.convert(mode)
     )
-    decoded = decode_photo(put(encoded("PNG", picture)))
+    decoded = decode_photo(put(encoded("PNG", image)))
     assert (decoded == decoded[..., :1]).all() and decoded.std() > 20
 
 
-def test_twelve_megapixels_stay(put: Callable[[bytes], Path]) -> None:
+def test_twelve_megapixels_keep_their_size(put: Callable[[bytes], Path]) -> None:
     path = put(encoded("JPEG", Image.new("RGB", (4032, 3024), (90, 140, 60))))
     assert decode_photo(path).shape == (3024, 4032, 3)
 
@@ -150,7 +150,7 @@ def claim(width: int, height: int) -> bytes:
 
 @pytest.mark.parametrize("side", [11000, 16000, 60000])
 @pytest.mark.parametrize("read", [decode_photo, decode_mask, read_upright_size])
-def test_bombs_are_known_by_their_header(
+def test_decompression_bombs_are_refused_by_their_header(
     put: Callable[[bytes], Path], monkeypatch: pytest.MonkeyPatch, side: int, read: Callable[[Path], object]
 ) -> None:
     assert side**2 > MAX_PIXELS
@@ -161,12 +161,12 @@ def test_bombs_are_known_by_their_header(
 
 BAD = {
     "empty": (b"", "empty"),
-    "text": (b"not a picture at all", "not a picture"),
-    "script": (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "not a picture"),
+    "text": (b"not an image at all", "not an image"),
+    "script": (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "not an image"),
     "heic": (b"\0\0\0\x18ftypheic" + bytes(40), "HEIC"),
     "cut jpeg": (encoded("JPEG")[:400], "cannot be decoded"),
     "cut png": (encoded("PNG")[:60], "cannot be decoded"),
-    "cut tiff": (encoded("TIFF")[:200], "cannot be decoded|not a picture"),
+    "cut tiff": (encoded("TIFF")[:200], "cannot be decoded|not an image"),
     "floating point": (encoded("TIFF", Image.new("F", (4, 4))), "floating-point"),
 }
 
@@ -179,11 +179,11 @@ def test_bad_files(put: Callable[[bytes], Path], content: bytes, message: str) -
     assert str(path) in str(raised.value) and ";" in str(raised.value)
 
 
-def test_what_is_no_file(tmp_path: Path) -> None:
+def test_folders_and_missing_files_are_refused(tmp_path: Path) -> None:
     for path, message in [
         (tmp_path, "folder"),
-        (tmp_path / "none.jpg", "no picture"),
-        (Path("/dev/null"), "no picture"),
+        (tmp_path / "none.jpg", "file not found"),
+        (Path("/dev/null"), "file not found"),
     ]:
         with pytest.raises(InputError, match=message):
             decode_photo(path)
@@ -203,15 +203,15 @@ def test_unreadable_file_says_why(put: Callable[[bytes], Path], monkeypatch: pyt
 
 
 @pytest.mark.parametrize("white", [1, 255])
-def test_mask_of_any_white(put: Callable[[bytes], Path], white: int) -> None:
-    true = PICTURE[..., 0] > 100
+def test_masks_of_any_brightness(put: Callable[[bytes], Path], white: int) -> None:
+    true = IMAGE[..., 0] > 100
     assert np.array_equal(
         decode_mask(put(encoded("PNG", Image.fromarray(true.astype(np.uint8) * white)))), true
     )
 
 
-def test_mask_of_one_bit_or_cut_out(put: Callable[[bytes], Path]) -> None:
-    true = PICTURE[..., 0] > 100
+def test_masks_of_one_bit_or_with_transparency(put: Callable[[bytes], Path]) -> None:
+    true = IMAGE[..., 0] > 100
     assert np.array_equal(decode_mask(put(encoded("PNG", Image.fromarray(true)))), true)
     cut_out = np.dstack([np.full((*true.shape, 3), 255, np.uint8), true.astype(np.uint8) * 255])
     assert np.array_equal(decode_mask(put(encoded("PNG", Image.fromarray(cut_out)))), true)
@@ -232,7 +232,7 @@ def decodes_or_says_why(path: Path) -> None:
         try:
             read(path)
         except InputError as error:
-            assert "\n" not in str(error) and "picture" in str(error)
+            assert "\n" not in str(error) and "image" in str(error)
 
 
 @fuzz
@@ -240,15 +240,13 @@ def decodes_or_says_why(path: Path) -> None:
     content=st.binary(max_size=300),
     start=st.sampled_from([b"", b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"II*\0"]),
 )
-def test_random_bytes_never_fail_otherwise(
-    put: Callable[[bytes], Path], content: bytes, start: bytes
-) -> None:
+def test_random_bytes_raise_nothing_else(put: Callable[[bytes], Path], content: bytes, start: bytes) -> None:
     decodes_or_says_why(put(start + content))
 
 
 @fuzz
 @given(whole=st.sampled_from(WHOLE), data=st.data())
-def test_damaged_files_never_fail_otherwise(
+def test_damaged_files_raise_nothing_else(
     put: Callable[[bytes], Path], whole: bytes, data: st.DataObject
 ) -> None:
     content = bytearray(whole[: data.draw(st.integers(0, len(whole)))])

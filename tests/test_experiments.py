@@ -150,7 +150,7 @@ def test_each_row_is_trained_on_its_data(finished: tuple[Path, dict[str, Any]]) 
     assert rendered["photos"] == real["photos"] and rendered["scenes"]["count"] == 25
     scenes = dataset_spec.read_spec(rendered["scenes"]["folder"])
     assert scenes.count == 25 and scenes.size == (32, 32) and "lighting_passes = 1" in scenes.ranges
-    sources = load_mixture(out / "rendering_1-5000" / "mixture.toml", size=(32, 32), seed=0, masked=True)
+    sources = load_mixture(out / "rendering_1-5000" / "mixture.toml", size=(32, 32), seed=0, needs_masks=True)
     assert [(source.name, source.weight) for source in sources] == [("photos", 1.0), ("scenes", 25.0)]
 
 

@@ -1,4 +1,4 @@
-"""An exported run says what its run says, and the runs that come with the package measure."""
+"""An exported run predicts what its run predicts; the shipped runs measure a scene."""
 
 import json
 
@@ -14,7 +14,7 @@ from laesi_tf.models.saved_model import PRETRAINED, load_run
 from laesi_tf.synthesis import synthesise
 from laesi_tf.training import config_files
 from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.trainer import initialise_network
+from laesi_tf.training.initialisation import initialise_network
 
 
 @pytest.fixture(scope="module")
@@ -27,10 +27,10 @@ def run(tmp_path_factory):
     return path
 
 
-def test_an_exported_run_is_small_and_says_the_same(run, tmp_path):
+def test_an_exported_run_is_small_and_predicts_the_same(run, tmp_path):
     main([str(run), "--out", str(tmp_path / "small"), "--json", str(tmp_path / "figures.json")])
-    pictures = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.float32)
-    first, second = (load_run(path).model(pictures, training=False) for path in (run, tmp_path / "small"))
+    images = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.float32)
+    first, second = (load_run(path).model(images, training=False) for path in (run, tmp_path / "small"))
     np.testing.assert_allclose(first, second, rtol=5e-3, atol=5e-3)
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert figures["bytes"] == (tmp_path / "small" / EXPORTED_WEIGHTS_FILE).stat().st_size
@@ -38,7 +38,7 @@ def test_an_exported_run_is_small_and_says_the_same(run, tmp_path):
     assert figures["exported"]["mre"] == pytest.approx(figures["original"]["mre"], rel=0.02)
 
 
-def test_ranges_of_a_file_go_along(run, tmp_path, monkeypatch):
+def test_a_ranges_file_is_exported_too(run, tmp_path, monkeypatch):
     trained = tmp_path / "trained"
     trained.mkdir()
     (trained / BEST_MODEL_FILE).write_bytes((run / BEST_MODEL_FILE).read_bytes())

@@ -26,18 +26,19 @@ class _HelpFormatter(argparse.HelpFormatter):
 
 
 def make_parser(
-    command: str, description: str | None, *, package: str = "laesi_tf"
+    command: str, description: str | None, *, package: str = "laesi_tf", has_json: bool = True
 ) -> argparse.ArgumentParser:
-    """Return a parser for a command, whose --help shows defaults and that takes --json FILE."""
+    """Return a parser for a command, whose --help shows defaults and that takes --json FILE if `has_json`."""
     parser = _Parser(
         prog=format_command(command, package=package),
         description=description,
         formatter_class=_HelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument(
-        "--json", type=output_file, metavar="FILE", help="also write the figures as JSON to FILE"
-    )
+    if has_json:
+        parser.add_argument(
+            "--json", type=output_file, metavar="FILE", help="also write the figures as JSON to FILE"
+        )
     return parser
 
 

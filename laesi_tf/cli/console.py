@@ -14,6 +14,8 @@ def run_command(main: Callable[[Sequence[str]], None]) -> None:
     traceback and ends with status 1.
     """
     warnings.showwarning = _print_warning
+    # Pillow warns of damaged metadata and of large images; neither prevents a measurement.
+    warnings.filterwarnings("ignore", module=r"PIL\.")
     try:
         main(sys.argv[1:])
     except InputError as error:

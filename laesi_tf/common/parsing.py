@@ -11,6 +11,13 @@ def positive_int(text: str) -> int:
     return int(text)
 
 
+def non_negative_int(text: str) -> int:
+    """Parse a whole number from 0 up, such as a seed."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 up")
+    return int(text)
+
+
 def positive_float(text: str, *, most: float = math.inf, what: str = "number") -> float:
     """Parse a number above 0 and up to `most`; messages call it `what`."""
     try:

@@ -126,11 +126,11 @@ def check_key(key: str, known: Collection[str], *, where: str = "") -> None:
 
 def check_choice(name: str, value: Any, choices: Collection[str]) -> str:
     """Return `value`, called `name`, if it is one of `choices`. Raises InputError."""
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         raise InputError(
             f"{name} = {value!r} must be {format_choices(choices)}{suggest_closest(str(value), choices)}"
         )
-    return str(value)
+    return value
 
 
 def check_integer(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf) -> int:
@@ -174,7 +174,7 @@ def format_default(value: Any) -> str:
         return ""
     if isinstance(value, list | tuple):
         return ("x" if all(type(item) is int for item in value) else ", ").join(map(str, value))
-    return str(value)
+    return value
 
 
 def _check_value(field: dataclasses.Field[Any], value: Any) -> Any:

@@ -4,11 +4,11 @@ from collections.abc import Iterable
 
 import numpy as np
 import tensorflow as tf
+from numpy.typing import NDArray
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.data.augmentation_ops import (
     Augmentation,
-    Sample,
     add_gaussian_noise,
     add_poisson_noise,
     adjust_brightness,
@@ -19,6 +19,7 @@ from laesi_tf.data.augmentation_ops import (
     rotate_quarter_turns,
     shift_hue,
 )
+from laesi_tf.data.sample import Sample
 
 AUGMENTATIONS: dict[str, Augmentation] = {
     "brightness": adjust_brightness,
@@ -31,14 +32,17 @@ AUGMENTATIONS: dict[str, Augmentation] = {
     "gaussian": add_gaussian_noise,
     "poisson": add_poisson_noise,
 }
-"""In the order in which they are applied: light, then the camera's pose, then its sensor."""
+"""In the order in which they are applied: light, then the camera's pose, then its sensor.
+
+A function that is added here is known to `train --augment`.
+"""
 
 PAPER_AUGMENTATIONS = ("brightness", "contrast", "hue", "saturation", "flip", "rotation90", "poisson")
-"""Those of the paper's best model."""
+"""The augmentations of the paper's best model."""
 
 
 def parse_augmentations(text: str) -> tuple[str, ...]:
-    """What `text` names: "all", "paper", or augmentations separated by commas. Raises InputError."""
+    """Return the names in `text`: "all", "paper", or augmentations separated by commas. Raises InputError."""
     if text in ("all", "paper"):
         return tuple(AUGMENTATIONS) if text == "all" else PAPER_AUGMENTATIONS
     names = tuple(name.strip() for name in text.split(",") if name.strip())
@@ -46,29 +50,32 @@ def parse_augmentations(text: str) -> tuple[str, ...]:
     return names
 
 
-def augmentation_flags(names: Iterable[str]) -> np.ndarray:
-    """bool [9], True for each of `names`, as `augment` takes them. Raises InputError for an unknown name."""
-    wanted = list(names)
-    for name in wanted:
+def augmentation_flags(names: Iterable[str]) -> NDArray[np.bool_]:
+    """Return bool [9], True for each of `names`, as `augment_sample` takes it.
+
+    Raises InputError for an unknown name.
+    """
+    selected = list(names)
+    for name in selected:
         if name not in AUGMENTATIONS:
             raise InputError(f"unknown augmentation {name!r}; choose from {', '.join(AUGMENTATIONS)}")
-    return np.array([name in wanted for name in AUGMENTATIONS])
+    return np.array([name in selected for name in AUGMENTATIONS])
 
 
-def augment_sample(picture: Sample, seed: tf.Tensor, enabled: tf.Tensor) -> Sample:
-    """Apply the augmentations that are `enabled`, bool [9] as `switches` gives it, to one picture.
+def augment_sample(sample: Sample, seed: tf.Tensor, enabled: tf.Tensor) -> Sample:
+    """Apply the augmentations that are `enabled`, bool [9] from `augmentation_flags`, to one sample.
 
-    `image` is uint8 [H, W, 3] here, in and out. `enabled` may be a variable: which augmentations run is
-    decided for every picture anew, so that one traced pipeline serves any set of them; one that is off costs
-    a branch.
+    `image` is uint8 [H, W, 3], before and after; `seed` is int [2]. `enabled` may be a variable: it is read
+    for every sample, so one traced pipeline serves any set of augmentations. A disabled one costs a branch.
     """
     seeds = tf.unstack(tf.random.split(seed, len(AUGMENTATIONS)))
-    image = picture["image"]
-    picture = picture | {"image": tf.cast(image, tf.float32)}
-    for row, change in enumerate(AUGMENTATIONS.values()):
-        picture = tf.cond(
-            enabled[row],
-            lambda picture=picture, change=change, seed=seeds[row]: change(picture, seed),
-            lambda picture=picture: dict(picture),
+    image = sample["image"]
+    image.shape.assert_is_compatible_with([None, None, 3])
+    sample = sample | {"image": tf.cast(image, tf.float32)}
+    for position, apply in enumerate(AUGMENTATIONS.values()):
+        sample = tf.cond(
+            enabled[position],
+            lambda sample=sample, apply=apply, seed=seeds[position]: apply(sample, seed),
+            lambda sample=sample: dict(sample),
         )
-    return picture | {"image": tf.cast(picture["image"] + 0.5, image.dtype)}
+    return sample | {"image": tf.cast(sample["image"] + 0.5, image.dtype)}

@@ -3,89 +3,120 @@
 import itertools
 import shutil
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.common.hardware import peak_rss_mb
-from laesi_tf.common.progress import progress_bar
-from laesi_tf.synthesis import Ranges
-
-# isort: split
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.data import dataset_spec, image_folders, synthetic, tfrecords
-from laesi_tf.data.dataset_spec import DatasetSpec
+from laesi_tf.common.hardware import peak_rss_mb
+from laesi_tf.common.progress import progress_bar
+from laesi_tf.data import image_folders, synthetic, tfrecords
+from laesi_tf.data.dataset_spec import DatasetSpec, start_dataset
+from laesi_tf.data.sample import ArraySample
+from laesi_tf.synthesis import Ranges
 
-Sample = dict[str, np.ndarray]
-# Writes a shard of pictures, each with its species' name, whole or not at all.
-ShardWriter = Callable[[Path, Iterator[tuple[Sample, str]], DatasetSpec], None]
+
+@dataclass(frozen=True)
+class ShardFormat:
+    """How shards are stored: `write` a shard completely or not at all; `find_damage` in one."""
+
+    write: Callable[[Path, Iterator[tuple[ArraySample, str]], DatasetSpec], None]
+    find_damage: Callable[..., str | None]
+
+
+SHARD_FORMATS = {
+    "records": ShardFormat(tfrecords.write_samples, tfrecords.find_damage),
+    "folder": ShardFormat(image_folders.write_shard_folder, image_folders.find_folder_damage),
+}
 
 
 def generate_dataset(
-    contents: DatasetSpec, ranges: Ranges, out: Path, *, part: tuple[int, int] = (0, 1)
+    spec: DatasetSpec, ranges: Ranges, out: Path, *, shard_fraction: tuple[int, int] = (0, 1)
 ) -> dict[str, Any]:
-    """Make what is missing of shards i, i + n, i + 2n, ... for `part` (i, n) of a data set in `out`.
+    """Generate what is missing of shards i, i + n, i + 2n, ... for `shard_fraction` (i, n) of a data set.
 
-    Returns the figures that the command prints. Raises InputError.
+    A damaged shard is named in a warning and generated again. Returns the metrics that the command prints.
+    Raises InputError.
     """
-    dataset_spec.start_dataset(out, contents)
-    mine = range(part[0], contents.shards, part[1])
-    missing = [shard for shard in mine if not (out / contents.name(shard)).exists()]
-    begun, made = time.monotonic(), 0
-    bar: Any = progress_bar([], total=sum(len(contents.pictures(shard)) for shard in missing), unit="picture")
-    stream = _render_shards(contents, ranges, missing, bar)
+    start_dataset(out, spec)
+    shard_format = SHARD_FORMATS[spec.format]
+    shards = range(shard_fraction[0], spec.shards, shard_fraction[1])
+    missing = _find_missing(shards, spec, out)
+    started, generated = time.monotonic(), 0
+    total = sum(len(spec.sample_indices(shard)) for shard in missing)
+    bar: Any = progress_bar([], total=total, unit="image")
+    samples = _render_shards(spec, ranges, missing, bar)
     for shard in missing:
-        _remove_partial_shard(out, contents.name(shard))
-        pictures = itertools.islice(stream, len(contents.pictures(shard)))
-        SHARD_WRITERS[contents.format](out / contents.name(shard), pictures, contents)
-        made += len(contents.pictures(shard))
+        path, count = out / spec.shard_name(shard), len(spec.sample_indices(shard))
+        _remove_partial_shard(path)
+        shard_format.write(path, itertools.islice(samples, count), spec)
+        generated += count
     bar.close()
-    if contents.format == "folder":
-        image_folders.merge_manifests(out, contents)
-    seconds = time.monotonic() - begun
+    if spec.format == "folder":
+        image_folders.merge_manifests(out, spec)
+    seconds = time.monotonic() - started
     return {
-        "pictures": made,
+        "pictures": generated,
         "shards": len(missing),
-        "shards_already_there": len(mine) - len(missing),
+        "shards_already_there": len(shards) - len(missing),
         "seconds": seconds,
-        "images_per_s": made / seconds if made else 0.0,
-        "mb": sum(_size_bytes(out / contents.name(shard)) for shard in mine) / 1e6,
+        "images_per_s": generated / seconds if generated else 0.0,
+        "mb": sum(_size_bytes(out / spec.shard_name(shard)) for shard in shards) / 1e6,
         "peak_rss_mb": peak_rss_mb(),
     }
 
 
-def _remove_partial_shard(out: Path, name: str) -> None:
-    """Remove what a killed run left of a shard."""
-    for left in out.glob(f".{Path(name).stem}-*"):
-        shutil.rmtree(left) if left.is_dir() else left.unlink()
+def _find_missing(shards: Sequence[int], spec: DatasetSpec, out: Path) -> list[int]:
+    """Return the shards that do not exist or are damaged; remove the damaged ones."""
+    missing = []
+    for shard in progress_bar(shards, desc="checking", unit="shard"):
+        path = out / spec.shard_name(shard)
+        if not path.exists():
+            missing.append(shard)
+            continue
+        damage = SHARD_FORMATS[spec.format].find_damage(path, count=len(spec.sample_indices(shard)))
+        if damage is not None:
+            warnings.warn(f"{path} is damaged and is generated again: {damage}", stacklevel=3)
+            _remove(path)
+            missing.append(shard)
+    return missing
+
+
+def _remove_partial_shard(path: Path) -> None:
+    """Remove temporary files that a killed process left beside a shard."""
+    for partial in path.parent.glob(f".{path.stem}-*"):
+        _remove(partial)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
 
 
 def _render_shards(
-    contents: DatasetSpec, ranges: Ranges, shards: Sequence[int], bar: Any
-) -> Iterator[tuple[Sample, str]]:
-    """The pictures of `shards` with their species' names, from one graph: tracing it takes seconds."""
-    kinds = tuple(ranges.leaf)
-    wanted = {index for shard in shards for index in contents.pictures(shard)}
-    leaves = sorted({index // ranges.lighting_passes for index in wanted})
-    stream = synthetic.samples_of_leaves(
+    spec: DatasetSpec, ranges: Ranges, shards: Sequence[int], bar: Any
+) -> Iterator[tuple[ArraySample, str]]:
+    """Render the samples of all `shards`, with their species, in one graph: tracing it takes seconds."""
+    species = tuple(ranges.leaf)
+    indices = {index for shard in shards for index in spec.sample_indices(shard)}
+    leaves = sorted({index // ranges.lighting_passes for index in indices})
+    samples = synthetic.samples_of_leaves(
         tf.data.Dataset.from_tensor_slices(np.array(leaves, np.int64)),
-        seed=contents.seed,
-        size=contents.size,
+        seed=spec.seed,
+        size=spec.size,
         ranges=ranges,
     )
-    for picture in stream.prefetch(8).as_numpy_iterator():
-        # A leaf whose passes end in another shard is made for both.
-        if int(picture["index"]) in wanted:
-            yield picture, kinds[picture["kind"]]
+    for sample in samples.prefetch(8).as_numpy_iterator():
+        # The lighting passes of a leaf may belong to two shards.
+        if int(sample["index"]) in indices:
+            yield sample, species[sample["kind"]]
             bar.update()
-
-
-SHARD_WRITERS: dict[str, ShardWriter] = {
-    "records": tfrecords.write_samples,
-    "folder": image_folders.write_shard_folder,
-}
 
 
 def _size_bytes(path: Path) -> int:

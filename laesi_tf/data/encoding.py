@@ -2,15 +2,16 @@
 
 import numpy as np
 import tensorflow as tf
+from numpy.typing import NDArray
 
 _JPEG_QUALITY = 95
 
 
-def encode_jpeg(image: np.ndarray) -> bytes:
-    """JPEG of an image uint8 [H, W, 3]: halved colour would blur the ruling's ink."""
+def encode_jpeg(image: NDArray[np.uint8]) -> bytes:
+    """Encode an image uint8 [H, W, 3] without chroma subsampling, which would blur the ruling's colour."""
     return tf.io.encode_jpeg(image, quality=_JPEG_QUALITY, chroma_downsampling=False).numpy()
 
 
-def encode_png(field: np.ndarray) -> bytes:
-    """PNG of a field uint8 [H, W]."""
-    return tf.io.encode_png(field[..., None]).numpy()
+def encode_png(plane: NDArray[np.uint8]) -> bytes:
+    """Encode one plane uint8 [H, W]."""
+    return tf.io.encode_png(plane[..., None]).numpy()

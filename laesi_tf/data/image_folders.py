@@ -1,7 +1,7 @@
-"""Pictures as folders of JPEG and PNG with a manifest.csv, for programs that do not read TFRecord.
+"""Samples as folders of JPEG and PNG with a manifest.csv, for programs that do not read TFRecord.
 
-A shard is a folder `pictures-00003-of-00100` with images/, masks/, edges/ and a manifest.csv of its own; it
-appears whole. When all are there, a manifest.csv beside them lists every picture.
+A shard is a folder `pictures-00003-of-00100` with images/, masks/, edges/ and a manifest.csv of its own. It
+appears completely or not at all. When all shards exist, a manifest.csv beside them lists every sample.
 """
 
 import csv
@@ -9,27 +9,25 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from laesi_tf.common.atomic_files import write_csv
 from laesi_tf.common.errors import InputError
-from laesi_tf.data import canny, encoding
+from laesi_tf.data.canny import detect_canny_edges, species_prompt
 from laesi_tf.data.dataset_spec import DatasetSpec
+from laesi_tf.data.encoding import encode_jpeg, encode_png
+from laesi_tf.data.manifest import MANIFEST_FILE
+from laesi_tf.data.sample import ArraySample
 
-MANIFEST_FILE = "manifest.csv"
 COLUMNS = ("image", "mask", "edges", "area_cm2", "px_per_mm", "grid_mm", "species", "prompt", "seed", "index")
 
 
-def write_shard_folder(
-    path: Path, pictures: Iterator[tuple[dict[str, np.ndarray], str]], contents: DatasetSpec
-) -> None:
-    """Write a shard's folder, whole or not at all. Raises InputError where the disk will not take it."""
+def write_shard_folder(path: Path, samples: Iterator[tuple[ArraySample, str]], spec: DatasetSpec) -> None:
+    """Write the folder of a shard of (sample, species) pairs. Raises InputError if the disk is full."""
     try:
         with tempfile.TemporaryDirectory(
             prefix=f".{path.name}-", dir=path.parent, ignore_cleanup_errors=True
-        ) as made:
-            temporary = Path(made)
-            rows = [_write_sample(temporary, picture, species, contents) for picture, species in pictures]
+        ) as name:
+            temporary = Path(name)
+            rows = [_write_sample(temporary, sample, species, spec) for sample, species in samples]
             write_csv(temporary / MANIFEST_FILE, COLUMNS, rows)
             temporary.chmod(0o755)
             temporary.rename(path)
@@ -38,33 +36,46 @@ def write_shard_folder(
         raise InputError(f"cannot write {path} ({reason}); free space and run the command again") from None
 
 
-def merge_manifests(folder: Path, contents: DatasetSpec) -> None:
-    """List every picture in one manifest.csv, once all shards are there."""
-    names = [contents.name(shard) for shard in range(contents.shards)]
+def find_folder_damage(path: Path, *, count: int) -> str | None:
+    """Return what is wrong with a shard's folder, or None if all files of its `count` samples exist."""
+    try:
+        rows = _read_rows(path.parent, path.name)
+        files = [path.parent / name for row in rows for name in row[:3]]
+        lost = [file for file in files if not file.is_file() or file.stat().st_size == 0]
+    except (OSError, ValueError, csv.Error) as error:
+        return f"its {MANIFEST_FILE} cannot be read ({error})"
+    if lost:
+        return f"it lacks {lost[0].name}"
+    return None if len(rows) == count else f"it has {len(rows)} of {count} samples"
+
+
+def merge_manifests(folder: Path, spec: DatasetSpec) -> None:
+    """Write one manifest.csv that lists every sample, if all shards exist."""
+    names = [spec.shard_name(shard) for shard in range(spec.shards)]
     if all((folder / name).is_dir() for name in names):
-        write_csv(
-            folder / MANIFEST_FILE, COLUMNS, (row for name in names for row in _read_rows(folder, name))
-        )
+        rows = (row for name in names for row in _read_rows(folder, name))
+        write_csv(folder / MANIFEST_FILE, COLUMNS, rows)
 
 
-def _read_rows(folder: Path, name: str) -> Iterator[list[str]]:
+def _read_rows(folder: Path, name: str) -> list[list[str]]:
+    """Read the manifest of shard `name`, with paths relative to the data set's `folder`."""
     with (folder / name / MANIFEST_FILE).open(encoding="utf-8", newline="") as file:
-        for image, mask, edges, *rest in list(csv.reader(file))[1:]:
-            yield [*(f"{name}/{path}" for path in (image, mask, edges)), *rest]
+        return [
+            [*(f"{name}/{path}" for path in (image, mask, edges)), *rest]
+            for image, mask, edges, *rest in list(csv.reader(file))[1:]
+        ]
 
 
-def _write_sample(
-    folder: Path, picture: dict[str, np.ndarray], species: str, contents: DatasetSpec
-) -> list[object]:
-    """Write one picture; its row of the manifest."""
-    index = int(picture["index"])
+def _write_sample(folder: Path, sample: ArraySample, species: str, spec: DatasetSpec) -> list[object]:
+    """Write the files of one sample and return its row of the manifest."""
+    index = int(sample["index"])
     files = {
-        f"images/{index:08}.jpg": encoding.encode_jpeg(picture["image"]),
-        f"masks/{index:08}.png": encoding.encode_png(picture["mask"] * 255),
-        f"edges/{index:08}.png": encoding.encode_png(canny.detect_canny_edges(picture["mask"])),
+        f"images/{index:08}.jpg": encode_jpeg(sample["image"]),
+        f"masks/{index:08}.png": encode_png(sample["mask"] * 255),
+        f"edges/{index:08}.png": encode_png(detect_canny_edges(sample["mask"])),
     }
     for name, data in files.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(data)
-    numbers = f"{picture['area_cm2']:.6g}", f"{picture['px_per_mm']:.6g}", 1
-    return [*files, *numbers, species, canny.species_prompt(species), contents.seed, index]
+    numbers = f"{sample['area_cm2']:.6g}", f"{sample['px_per_mm']:.6g}", 1
+    return [*files, *numbers, species, species_prompt(species), spec.seed, index]

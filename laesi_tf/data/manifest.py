@@ -1,8 +1,7 @@
-"""Real photos with known leaf area, as a manifest lists them.
+"""Read a manifest: a CSV file that lists photos of known leaf area.
 
-A manifest is a CSV file with the header `image,area_cm2` and optionally `mask`, `px_per_mm`, `grid_mm`,
-`split`, `subset` and `species`; other columns are ignored. Paths are relative to the CSV and may not leave
-its folder.
+Its header is `image,area_cm2` and optionally `mask`, `px_per_mm`, `grid_mm`, `split`, `subset` and `species`;
+other columns are ignored. Paths are relative to the CSV and must not leave its folder.
 """
 
 import csv
@@ -16,13 +15,16 @@ from typing import TextIO
 from laesi_tf.common.errors import InputError
 from laesi_tf.data.decoding import read_upright_size
 
+MANIFEST_FILE = "manifest.csv"
+"""Name of the manifest in a folder of samples."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Photo:
-    """One row of a manifest."""
+    """One photo of a manifest."""
 
     name: str
-    """The image's path as the manifest has it."""
+    """The image's path as the manifest writes it."""
     image: Path
     area_cm2: float
     mask: Path | None = None
@@ -36,10 +38,10 @@ class Photo:
 
 
 def read_manifest(path: Path | str, *, split: str | None = None) -> list[Photo]:
-    """Return the photos that the manifest at `path` lists, in its order; with `split`, only those of it.
+    """Return the photos of the manifest at `path` in its order, or only those of `split`.
 
-    Every row is checked, whichever split it is in; pictures that turn out to be damaged are left to whoever
-    decodes them. Raises InputError that names the file and the line.
+    Every row of every split is checked. A damaged image is not an error here: whoever decodes it reports it.
+    Raises InputError that names the file and the line.
     """
     path = Path(path)
     try:
@@ -59,12 +61,12 @@ def read_manifest(path: Path | str, *, split: str | None = None) -> list[Photo]:
 
 
 def _parse_rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:
-    """Yield (line number, photo) for every row of the manifest."""
+    """Yield (line number, photo) for every row of the manifest that is not blank."""
     header = file.readline()
     # Where the comma is the decimal mark, Excel separates by semicolons.
-    comma = ";" not in header or "," in header
+    has_commas = ";" not in header or "," in header
     lines = itertools.chain([header], file)
-    reader = csv.DictReader(lines, delimiter="," if comma else ";", skipinitialspace=True, strict=True)
+    reader = csv.DictReader(lines, delimiter="," if has_commas else ";", skipinitialspace=True, strict=True)
     columns = [(name or "").strip() for name in reader.fieldnames or ()]
     for column in ("image", "area_cm2"):
         if columns.count(column) != 1:
@@ -75,14 +77,14 @@ def _parse_rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:
     reader.fieldnames = columns
     for row in reader:
         where = f"{path} line {reader.line_num}"
-        # What is left over of a longer row; blank cells may follow, as in tables padded by Excel.
+        # The cells beyond the header; blank ones are allowed, as in tables that Excel padded.
         if any(cell.strip() for cell in row.get(None) or ()):
             raise InputError(
                 f"{where} has more cells than the header; write decimals with a point, "
                 "or separate columns by semicolons"
             )
         cells = {key: (value or "").strip() for key, value in row.items() if isinstance(value, str | None)}
-        if not comma:
+        if not has_commas:
             cells = {key: _use_decimal_point(key, value) for key, value in cells.items()}
         if any(cells.values()):
             yield reader.line_num, _parse_photo(path.parent, cells, where)
@@ -122,13 +124,13 @@ def _parse_positive(text: str, where: str, column: str) -> float:
 
 
 def _resolve_inside(folder: Path, text: str, where: str, column: str) -> Path:
-    """The file that `text` names below `folder`; links are followed before it is judged."""
+    """Return the file that `text` names below `folder`, after following links. Raises InputError."""
     if not text or "\0" in text:
         raise InputError(f"{where}: {column} is not a path; name a file relative to the manifest")
-    written = PureWindowsPath(text)  # Takes both kinds of slashes for separators.
-    path = folder / written.as_posix()
-    outside = written.is_absolute() or written.drive or written.root or ".." in written.parts
-    if outside or not path.resolve().is_relative_to(folder.resolve()):
+    given = PureWindowsPath(text)  # It accepts both kinds of slashes as separators.
+    path = folder / given.as_posix()
+    is_outside = given.is_absolute() or given.drive or given.root or ".." in given.parts
+    if is_outside or not path.resolve().is_relative_to(folder.resolve()):
         raise InputError(
             f"{where}: {column} {text!r} leaves the manifest's folder; put the file below {folder}"
         )
@@ -141,7 +143,7 @@ def _require_same_size(photo: Photo, where: str) -> None:
     try:
         image, mask = read_upright_size(photo.image), read_upright_size(photo.mask)
     except InputError:
-        return  # Damaged: named and skipped where it is decoded, so that the other photos count.
+        return  # A damaged image is reported and skipped when it is decoded, so that the other photos count.
     if image != mask:
         raise InputError(
             f"{where}: mask is {mask[1]} x {mask[0]} pixels but its image {image[1]} x {image[0]} "
@@ -155,7 +157,7 @@ def _require_distinct(path: Path, rows: Sequence[tuple[int, Photo]]) -> None:
         earlier = first.setdefault(photo.image.resolve(), line)
         if earlier != line:
             raise InputError(
-                f"{path} line {line}: image {photo.name!r} stands in line {earlier} already; keep one of them"
+                f"{path} line {line}: image {photo.name!r} is in line {earlier} already; keep one of them"
             )
 
 
@@ -164,8 +166,8 @@ def _select_split(path: Path, photos: list[Photo], split: str | None) -> list[Ph
         raise InputError(f"manifest {path} lists no photo; add a line for each")
     if split is None:
         return photos
-    chosen = [photo for photo in photos if photo.split == split]
-    if not chosen:
+    selected = [photo for photo in photos if photo.split == split]
+    if not selected:
         known = ", ".join(sorted({photo.split for photo in photos if photo.split})) or "none"
         raise InputError(f"manifest {path} has no photo in split {split!r}; its splits: {known}")
-    return chosen
+    return selected

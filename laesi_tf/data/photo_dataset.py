@@ -1,26 +1,28 @@
-"""Real photos as training pictures: held in memory at the network's size, or read anew each time.
+"""Photos as training samples: held in memory at the network's input size, or decoded again each time.
 
-A picture is a dict of `image` uint8 [h, w, 3], `mask` uint8 [h, w] 0/1 (all 0 where the manifest names none),
-`area_cm2` and `px_per_mm` float32 [] (NaN where the manifest does not say).
+See `laesi_tf.data.sample` for the keys.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import tensorflow as tf
+from numpy.typing import NDArray
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.data.decoding import decode_mask, decode_photo
 from laesi_tf.data.letterbox import letterbox_image, letterbox_mask
 from laesi_tf.data.manifest import Photo
 from laesi_tf.data.prefetch import prefetch
+from laesi_tf.data.sample import COMMON_KEYS, ArraySample, Sample
 
 
 @dataclass(frozen=True)
 class SkippedPhoto:
-    """A photo that could not be used, by the name the user knows it by, and why."""
+    """A photo that could not be used, by its name in the manifest, and why."""
 
     name: str
     reason: str
@@ -28,69 +30,76 @@ class SkippedPhoto:
 
 @dataclass(frozen=True)
 class IndexedSamples:
-    """`count` pictures; `at` makes the one at an index, int64 [], and works in a graph."""
+    """`count` samples; `get` returns the one at an index, int64 [], also inside a graph."""
 
     count: int
-    at: Callable[[tf.Tensor], dict[str, tf.Tensor]]
+    get: Callable[[tf.Tensor], Sample]
 
 
 def load_into_memory(
-    photos: Sequence[Photo], *, size: tuple[int, int], masked: bool
+    photos: Sequence[Photo], *, size: tuple[int, int], needs_masks: bool
 ) -> tuple[IndexedSamples, list[SkippedPhoto]]:
-    """The usable photos, decoded once, now, and kept at `size` (200 kB each at 224 x 224), and the others.
+    """Decode all photos now and keep them at `size` (200 kB each at 224 x 224); return also those skipped.
 
-    With `masked`, photos without a mask are of no use. Raises InputError when none is usable.
+    With `needs_masks`, photos without a mask are skipped. Raises InputError if none is left.
     """
-    results = list(prefetch(lambda photo: load_sample(photo, size=size, masked=masked), photos))
+    results = list(prefetch(lambda photo: load_sample(photo, size=size, needs_mask=needs_masks), photos))
     skipped = [
         SkippedPhoto(photo.name, str(result)) for photo, result in results if isinstance(result, InputError)
     ]
-    usable = [result for _, result in results if not isinstance(result, InputError)]
-    if not usable:
+    loaded = [result for _, result in results if not isinstance(result, InputError)]
+    if not loaded:
         raise InputError(f"none of the {len(photos)} photos can be used; first: {skipped[0].reason}")
-    columns = {name: tf.constant(np.stack([picture[name] for picture in usable])) for name in usable[0]}
-    pictures = IndexedSamples(
-        len(usable), lambda index: {name: column[index] for name, column in columns.items()}
+    columns = {name: tf.constant(np.stack([sample[name] for sample in loaded])) for name in COMMON_KEYS}
+    samples = IndexedSamples(
+        len(loaded), lambda index: {name: column[index] for name, column in columns.items()}
     )
-    return pictures, skipped
+    return samples, skipped
 
 
-def stream_from_disk(photos: Sequence[Photo], *, size: tuple[int, int], masked: bool) -> IndexedSamples:
-    """Every photo, decoded each time it is asked for. One that cannot be used gives way to the next that can.
+def stream_from_disk(photos: Sequence[Photo], *, size: tuple[int, int], needs_masks: bool) -> IndexedSamples:
+    """Decode a photo each time it is needed; the next usable photo replaces one that cannot be used.
 
-    Raises InputError when none can; from within a dataset as an error of TensorFlow's that quotes it.
+    Raises InputError if none can be used; inside a dataset, a TensorFlow error that quotes it.
     """
     types = {"image": tf.uint8, "mask": tf.uint8, "area_cm2": tf.float32, "px_per_mm": tf.float32}
     shapes = {"image": (*size, 3), "mask": size, "area_cm2": (), "px_per_mm": ()}
 
-    def usable(index: np.ndarray) -> list[np.ndarray]:
+    def load_usable(index: NDArray[np.int64]) -> list[NDArray[Any]]:
         reason = ""
         for offset in range(len(photos)):
+            photo = photos[(int(index) + offset) % len(photos)]
             try:
-                picture = load_sample(photos[(int(index) + offset) % len(photos)], size=size, masked=masked)
-                return [picture[name] for name in types]
+                sample = load_sample(photo, size=size, needs_mask=needs_masks)
+                return [sample[name] for name in types]
             except InputError as error:
                 reason = reason or str(error)
         raise InputError(f"none of the {len(photos)} photos can be used; first: {reason}")
 
-    def at(index: tf.Tensor) -> dict[str, tf.Tensor]:
-        values = tf.numpy_function(usable, [index], list(types.values()), stateful=False)
+    def get(index: tf.Tensor) -> Sample:
+        values = tf.numpy_function(load_usable, [index], list(types.values()), stateful=False)
         return {name: tf.ensure_shape(value, shapes[name]) for name, value in zip(types, values, strict=True)}
 
-    return IndexedSamples(len(photos), at)
+    return IndexedSamples(len(photos), get)
 
 
-def load_sample(photo: Photo, *, size: tuple[int, int], masked: bool) -> dict[str, np.ndarray]:
-    """The picture of one photo. Raises InputError, with `masked` also for a photo without a mask."""
-    if masked and photo.mask is None:
+def load_sample(photo: Photo, *, size: tuple[int, int], needs_mask: bool) -> ArraySample:
+    """Load one photo, letterboxed to `size` (h, w), as a sample.
+
+    Raises InputError; with `needs_mask`, also for a photo without a mask.
+    """
+    if needs_mask and photo.mask is None:
         raise InputError(f"{photo.name} has no mask in its manifest; add one to train on masks")
     image, letterbox = letterbox_image(decode_photo(photo.image), size)
-    scale = math.nan if photo.px_per_mm is None else photo.px_per_mm * math.sqrt(letterbox.scale.prod())
+    mask = np.zeros(size, np.uint8)
+    if photo.mask is not None:
+        mask = letterbox_mask(decode_mask(photo.mask), size)
+    px_per_mm = math.nan
+    if photo.px_per_mm is not None:
+        px_per_mm = photo.px_per_mm * math.sqrt(math.prod(letterbox.scale))
     return {
         "image": image,
-        "mask": np.zeros(size, np.uint8)
-        if photo.mask is None
-        else letterbox_mask(decode_mask(photo.mask), size),
+        "mask": mask,
         "area_cm2": np.array(photo.area_cm2, np.float32),
-        "px_per_mm": np.array(scale, np.float32),
+        "px_per_mm": np.array(px_per_mm, np.float32),
     }

@@ -12,28 +12,28 @@ Result = TypeVar("Result")
 
 
 def prefetch(
-    read: Callable[[Item], Result], items: Iterable[Item], *, depth: int = 2
+    load: Callable[[Item], Result], items: Iterable[Item], *, depth: int = 2
 ) -> Iterator[tuple[Item, Result | InputError]]:
-    """Yield (item, read(item)) in order, with up to `depth` further items being read in threads.
+    """Yield (item, load(item)) in order, while up to `depth` further items are loaded in two threads.
 
-    An InputError is yielded in place of the result, so that one bad file does not end the rest; any other
+    An InputError takes the place of the result, so that one bad file does not end the loop; any other
     exception is raised. `depth` bounds the memory: a 12-megapixel photo takes 36 MB.
     """
 
-    def attempt(item: Item) -> tuple[Item, Result | InputError]:
+    def try_load(item: Item) -> tuple[Item, Result | InputError]:
         try:
-            return item, read(item)
+            return item, load(item)
         except InputError as error:
             return item, error
 
-    waiting: collections.deque[Future[tuple[Item, Result | InputError]]] = collections.deque()
+    pending: collections.deque[Future[tuple[Item, Result | InputError]]] = collections.deque()
     with ThreadPoolExecutor(max_workers=2) as pool:
         try:
             for item in items:
-                waiting.append(pool.submit(attempt, item))
-                if len(waiting) > depth:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
+                pending.append(pool.submit(try_load, item))
+                if len(pending) > depth:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
         finally:
             pool.shutdown(wait=False, cancel_futures=True)

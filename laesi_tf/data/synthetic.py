@@ -1,23 +1,25 @@
-"""The tf.data generator: pictures made on the fly, each a pure function of (seed, index, size, ranges).
+"""Render samples inside tf.data: each is a pure function of (seed, index, size, ranges).
 
-The index is the only thing that moves, so the same picture comes out whatever the batch size, the number of
-workers or the order. Training, validation and test read disjoint stretches of the index.
+Only the index changes along a stream, so a sample does not depend on batch size, number of threads or order.
+Training, validation and test use disjoint intervals of the index.
 """
 
-import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import tensorflow as tf
 
+from laesi_tf.data.sample import Sample
 from laesi_tf.synthesis import Ranges, load_ranges, synthesise, synthesise_passes
 
 TRAIN_INDICES = (0, 2**40)
+"""Interval [start, stop) of the index for training."""
 VALIDATION_INDICES = (2**40, 2**41)
 TEST_INDICES = (2**41, 2**42)
-"""Stretches [start, stop) of the index."""
 
-TaskName = Literal["area", "mask", "both"]
+MakeTarget = Callable[[Sample], tf.Tensor]
+"""What a network is trained to predict for a sample; `make_target` of a task in `laesi_tf.training.tasks`."""
 
 
 def synthetic_samples(
@@ -31,21 +33,21 @@ def synthetic_samples(
     textures: tf.Tensor | None = None,
     parallel: int = tf.data.AUTOTUNE,
 ) -> tf.data.Dataset:
-    """Pictures `start`, `start` + 1, ... (`count` of them, or without end), as dicts of unbatched tensors.
+    """Render samples `start`, `start` + 1, ...: `count` of them, or an endless stream.
 
-    Keys: `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm`, `tilt_deg` float32 [],
-    `to_px` float32 [3, 3], `kind` int32 [], `index` int64 []. `passes` overrides the ranges' lighting passes
-    over one leaf: 1 makes every picture a new leaf. `parallel` is how many leaves are in work at once; a
-    leaf is one task because it stays in a core's cache, which batches of them do not.
+    `size` is (height, width) in pixels. `ranges` is the name of a preset, a TOML file, or Ranges. `passes`
+    overrides the number of lighting passes over a leaf: with 1, every sample shows a new leaf. `textures` is
+    as for `laesi_tf.synthesis.synthesise`. `parallel` leaves are rendered at once; a leaf is one unit of work
+    because it fits in the cache of a core, which a batch does not. See `laesi_tf.data.sample` for the keys.
     """
     chosen = _resolve_ranges(ranges, passes)
-    each = chosen.lighting_passes
+    passes = chosen.lighting_passes
     stop = start + count if count is not None else 2**62
-    leaves = tf.data.Dataset.range(start // each, -(-stop // each))
-    made = samples_of_leaves(
+    leaves = tf.data.Dataset.range(start // passes, -(-stop // passes))
+    samples = samples_of_leaves(
         leaves, seed=seed, size=size, ranges=chosen, textures=textures, parallel=parallel
     )
-    return made.skip(start % each).take(stop - start)
+    return samples.skip(start % passes).take(stop - start)
 
 
 def samples_of_leaves(
@@ -58,57 +60,36 @@ def samples_of_leaves(
     textures: tf.Tensor | None = None,
     parallel: int = tf.data.AUTOTUNE,
 ) -> tf.data.Dataset:
-    """The pictures of any stream of `leaves`, int64 []; the rest is as in `pictures`.
+    """Render the samples of `leaves`, a dataset of indices int64 []; all else is as in `synthetic_samples`.
 
-    Those of leaf i are the pictures i * passes, i * passes + 1, ... of the stream.
+    Leaf i has the samples i * passes, ..., (i + 1) * passes - 1 of the stream.
     """
     chosen = _resolve_ranges(ranges, passes)
-    each = chosen.lighting_passes
+    passes = chosen.lighting_passes
 
-    def lit(leaf: tf.Tensor) -> dict[str, tf.Tensor]:
-        return synthesise_passes(seed, size=size, ranges=chosen, first=leaf * each, textures=textures)
+    def render_leaf(leaf: tf.Tensor) -> Sample:
+        if passes == 1:
+            return synthesise(seed, size=size, ranges=chosen, index=leaf, textures=textures)
+        return synthesise_passes(seed, size=size, ranges=chosen, first=leaf * passes, textures=textures)
 
-    def single(leaf: tf.Tensor) -> dict[str, tf.Tensor]:
-        return synthesise(seed, size=size, ranges=chosen, index=leaf, textures=textures)
+    samples = leaves.map(render_leaf, num_parallel_calls=parallel, deterministic=True)
+    return samples if passes == 1 else samples.unbatch()
 
-    made = leaves.map(single if each == 1 else lit, num_parallel_calls=parallel, deterministic=True)
-    return made if each == 1 else made.unbatch()
+
+def synthetic_batches(*, make_target: MakeTarget, batch_size: int, **options: Any) -> tf.data.Dataset:
+    """Batch `synthetic_samples(**options)` as `batch_samples` does."""
+    return batch_samples(synthetic_samples(**options), make_target=make_target, batch_size=batch_size)
+
+
+def batch_samples(samples: tf.data.Dataset, *, make_target: MakeTarget, batch_size: int) -> tf.data.Dataset:
+    """Turn samples into batches (image uint8 [B, H, W, 3], target [B, ...]), two of them in advance.
+
+    The last batch of a bounded stream may be smaller.
+    """
+    examples = samples.map(lambda sample: (sample["image"], make_target(sample)))
+    return examples.batch(batch_size).prefetch(2)
 
 
 def _resolve_ranges(ranges: str | Path | Ranges, passes: int | None) -> Ranges:
-    chosen = load_ranges(ranges)
-    return chosen if passes is None else chosen.with_passes(passes)
-
-
-def synthetic_batches(*, task: TaskName, batch_size: int, **options) -> tf.data.Dataset:
-    """Batches of `pictures(**options)` as `batched` makes them."""
-    return batch_samples(synthetic_samples(**options), task=task, batch_size=batch_size)
-
-
-def batch_samples(stream: tf.data.Dataset, *, task: TaskName, batch_size: int) -> tf.data.Dataset:
-    """Batches (image uint8 [B, H, W, 3], target) of a stream of pictures, made ahead while a model works.
-
-    The target is that of `target`. The last batch of a bounded stream may be smaller.
-    """
-    return stream.map(lambda picture: make_example(picture, task)).batch(batch_size).prefetch(2)
-
-
-def make_example(
-    picture: dict[str, tf.Tensor], task: TaskName
-) -> tuple[tf.Tensor, tf.Tensor | dict[str, tf.Tensor]]:
-    """What a model of `task` learns from one picture: its image and its `target`."""
-    return picture["image"], make_target(picture, task)
-
-
-def make_target(picture: dict[str, tf.Tensor], task: TaskName) -> tf.Tensor | dict[str, tf.Tensor]:
-    """What a model of `task` is to predict from `picture`.
-
-    For "area" float32 [3]: area in cm2, pixels per mm at the leaf, and the leaf's share of the picture, NaN
-    where the mask is empty, as that of a photo without one; for
-    "mask" the mask uint8 [H, W]; for "both" a dict of the two under "area" and "mask".
-    """
-    share = tf.reduce_mean(tf.cast(picture["mask"], tf.float32))
-    share = tf.where(share > 0, share, math.nan)
-    area = tf.stack([picture["area_cm2"], picture["px_per_mm"], share])
-    targets = {"area": area, "mask": picture["mask"]}
-    return targets if task == "both" else targets[task]
+    loaded = load_ranges(ranges)
+    return loaded if passes is None else loaded.with_passes(passes)

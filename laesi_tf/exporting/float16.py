@@ -64,7 +64,7 @@ def compute_test_metrics(run: Run) -> dict[str, float]:
     ranges = run.path / RANGES_FILE
     task = make_task(config)
     scenes = synthetic.synthetic_batches(
-        task=config.task,  # type: ignore[arg-type]
+        make_target=task.make_target,
         batch_size=_BATCH_SIZE,
         seed=0,
         size=run.spec.size,
@@ -72,5 +72,5 @@ def compute_test_metrics(run: Run) -> dict[str, float]:
         start=synthetic.TEST_INDICES[0],
         passes=1,
     )
-    found = evaluate_network(run.model, task, list(itertools.islice(scenes, _BATCHES)))
-    return {key: float(np.asarray(value)) for key, value in task.aggregate(found).items()}
+    arrays = evaluate_network(run.model, task, list(itertools.islice(scenes, _BATCHES)))
+    return {key: float(np.asarray(value)) for key, value in task.aggregate(arrays).items()}

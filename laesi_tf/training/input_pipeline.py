@@ -1,10 +1,11 @@
 """Training batches and validation batches of a configuration."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import tensorflow as tf
 
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.network import check_reachable
 from laesi_tf.data import synthetic, tf_data_service
 from laesi_tf.data.augmentation import augment_sample, augmentation_flags, parse_augmentations
 from laesi_tf.data.leaf_textures import load_textures
@@ -31,6 +32,8 @@ class InputPipeline:
         self._config, self._data_service = config, data_service
         if config.mixture and data_service:
             raise InputError("--data-service makes live scenes only; leave out --data-service or --mixture")
+        if data_service:
+            check_reachable(data_service)
         self._ranges = load_ranges(config.ranges)
         self._textures = load_textures(config.textures) if config.textures else None
         self._sources = self._open_mixture()
@@ -44,10 +47,11 @@ class InputPipeline:
             )
         if self._sources:
             mixed = mix_sources(self._sources, seed=config.seed, start=start)
-            examples = self._make_examples(mixed.enumerate(start))
-        else:
-            examples = self._live_examples(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1]))
-        return examples.map(lambda _, example: example).batch(config.batch_size).prefetch(2)
+            return _report_data_loss(self._batch(self._make_examples(mixed.enumerate(start))), config.mixture)
+        return self._batch(self._live_examples(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1])))
+
+    def _batch(self, examples: tf.data.Dataset) -> tf.data.Dataset:
+        return examples.map(lambda _, example: example).batch(self._config.batch_size).prefetch(2)
 
     def validation_batches(self) -> Batches:
         """Return batches of fresh scenes, the same ones for all runs of a task, size and ranges."""
@@ -106,7 +110,18 @@ class InputPipeline:
             config.mixture,
             size=config.size,
             seed=config.seed,
-            masked=TASKS[config.task].needs_masks,
+            needs_masks=TASKS[config.task].needs_masks,
             ranges=config.ranges,
             textures=self._textures,
         )
+
+
+def _report_data_loss(batches: Batches, mixture: str) -> Iterator[tuple[tf.Tensor, tf.Tensor]]:
+    """Yield `batches`; raise InputError where the bytes of a shard do not match their checksums."""
+    try:
+        yield from batches
+    except tf.errors.DataLossError as error:
+        raise InputError(
+            f"a data set of {mixture} is damaged ({error.message}); run generate again, which checks every "
+            "shard and replaces damaged ones"
+        ) from error

@@ -12,6 +12,8 @@ import tensorflow as tf
 from laesi_tf.common.metrics import mre
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.data import augmentation, synthetic
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.tasks import make_task
 from sweeps.trials.budget import EVALUATION_BATCH, Budget
 
 _SCENES_SEED = 0
@@ -91,7 +93,8 @@ def render_scenes(budget: Budget, indices: Sequence[int]) -> Batch:
         size=(budget.size, budget.size),
         passes=1,
     )
-    batches = synthetic.batch_samples(pictures, task="area", batch_size=EVALUATION_BATCH)
+    make_target = make_task(TrainConfig(task="area")).make_target
+    batches = synthetic.batch_samples(pictures, make_target=make_target, batch_size=EVALUATION_BATCH)
     count = -(-len(indices) // EVALUATION_BATCH)
     images, targets = zip(*progress_bar(batches, total=count, desc="pictures", unit="batch"), strict=True)
     return tf.concat(images, axis=0), tf.concat(targets, axis=0)

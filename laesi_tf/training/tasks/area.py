@@ -1,5 +1,6 @@
 """Task `area`: regress the leaf area in cm2."""
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
@@ -12,7 +13,10 @@ if TYPE_CHECKING:
 
 
 class AreaTask(Task):
-    """Targets are float32 [3]: area in cm2, pixels per mm at the leaf, fraction of the image that is leaf."""
+    """Targets are float32 [3]: area in cm2, pixels per mm at the leaf, fraction of the image that is leaf.
+
+    Unknown ones are NaN.
+    """
 
     name = "area"
     title = "Leaf area"
@@ -26,9 +30,12 @@ class AreaTask(Task):
     }
 
     def make_target(self, sample: "Mapping[str, tf.Tensor]") -> "tf.Tensor":
-        from laesi_tf.data.synthetic import make_target
+        import tensorflow as tf
 
-        return make_target(dict(sample), "area")
+        # An empty mask is that of a photo without one: the fraction is unknown.
+        fraction = tf.reduce_mean(tf.cast(sample["mask"], tf.float32))
+        fraction = tf.where(fraction > 0, fraction, math.nan)
+        return tf.stack([sample["area_cm2"], sample["px_per_mm"], fraction])
 
     def loss(self, output: "tf.Tensor", target: "tf.Tensor") -> "tf.Tensor":
         from laesi_tf.models.area_network import area_loss

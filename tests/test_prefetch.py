@@ -1,4 +1,4 @@
-"""Reading ahead keeps order, bounds memory and lets one bad file pass."""
+"""Prefetching keeps the order, bounds memory and continues after a bad file."""
 
 import threading
 
@@ -14,14 +14,14 @@ def halves(number: int) -> int:
     return number // 2
 
 
-def test_results_come_in_order_and_bad_items_in_their_place() -> None:
+def test_results_are_in_order_with_errors_in_place() -> None:
     found = list(prefetch(halves, range(7)))
     assert [item for item, _ in found] == list(range(7))
     assert [result for _, result in found[::2]] == [0, 1, 2, 3]
     assert all(isinstance(result, InputError) for _, result in found[1::2])
 
 
-def test_no_more_is_read_than_asked() -> None:
+def test_at_most_depth_items_are_loaded_in_advance() -> None:
     started: list[int] = []
     lock = threading.Lock()
 

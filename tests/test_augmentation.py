@@ -24,8 +24,8 @@ def seed(number: int) -> tf.Tensor:
     return tf.constant([number, 7], tf.int64)
 
 
-def picture(size: tuple[int, int] = (40, 60)) -> dict[str, tf.Tensor]:
-    """A smooth coloured picture with a disc as its leaf, well within range."""
+def make_sample(size: tuple[int, int] = (40, 60)) -> dict[str, tf.Tensor]:
+    """A smooth coloured image with a disc as its leaf, well within range."""
     y, x = np.mgrid[: size[0], : size[1]].astype(np.float32)
     image = np.stack([90 + x, 70 + 2 * y, 140 - 0.5 * x - 0.5 * y], axis=-1)
     mask = (np.hypot(x - size[1] * 0.6, y - size[0] * 0.45) < min(size) * 0.25).astype(np.uint8)
@@ -40,17 +40,17 @@ def picture(size: tuple[int, int] = (40, 60)) -> dict[str, tf.Tensor]:
 
 
 def halves(upper: float, lower: float) -> dict[str, tf.Tensor]:
-    """A grey picture [180, 120, 3] of two levels."""
+    """A grey image [180, 120, 3] of two levels."""
     return {"image": tf.concat([tf.fill([90, 120, 3], float(upper)), tf.fill([90, 120, 3], float(lower))], 0)}
 
 
 @FAST
 @given(number=SEEDS)
 def test_brightness_adds_the_same_everywhere(number: int) -> None:
-    before = picture()["image"].numpy()
+    before = make_sample()["image"].numpy()
     added = float(augmentation_ops.random_uniform(seed(number), *augmentation_ops.BRIGHTNESS))
-    after = augmentation_ops.adjust_brightness(picture(), seed(number))["image"]
-    # cv2.add saturates as pictures do.
+    after = augmentation_ops.adjust_brightness(make_sample(), seed(number))["image"]
+    # cv2.add saturates as well.
     expected = np.clip(cv2.add(before, np.full_like(before, added)), 0, 255)
     np.testing.assert_allclose(after, expected, atol=1e-3)
 
@@ -58,40 +58,40 @@ def test_brightness_adds_the_same_everywhere(number: int) -> None:
 @FAST
 @given(number=SEEDS)
 def test_contrast_stretches_about_each_channels_mean(number: int) -> None:
-    before = picture()["image"].numpy()
+    before = make_sample()["image"].numpy()
     factor = float(augmentation_ops.random_uniform(seed(number), *augmentation_ops.CONTRAST))
     mean = np.array(cv2.mean(before)[:3], np.float32)
-    after = augmentation_ops.adjust_contrast(picture(), seed(number))["image"]
+    after = augmentation_ops.adjust_contrast(make_sample(), seed(number))["image"]
     np.testing.assert_allclose(after, np.clip(mean + factor * (before - mean), 0, 255), atol=0.01)
 
 
 @FAST
 @given(number=SEEDS)
-def test_hue_turns_the_colour_wheel(number: int) -> None:
-    hsv = color.rgb2hsv(picture()["image"].numpy() / 255)
+def test_hue_rotates_the_colour_wheel(number: int) -> None:
+    hsv = color.rgb2hsv(make_sample()["image"].numpy() / 255)
     hsv[..., 0] = (
         hsv[..., 0] + float(augmentation_ops.random_uniform(seed(number), *augmentation_ops.HUE))
     ) % 1
-    after = augmentation_ops.shift_hue(picture(), seed(number))["image"]
+    after = augmentation_ops.shift_hue(make_sample(), seed(number))["image"]
     np.testing.assert_allclose(after, 255 * color.hsv2rgb(hsv), atol=0.05)
 
 
 @FAST
 @given(number=SEEDS)
 def test_saturation_scales_that_of_hsv(number: int) -> None:
-    hsv = color.rgb2hsv(picture()["image"].numpy() / 255)
+    hsv = color.rgb2hsv(make_sample()["image"].numpy() / 255)
     hsv[..., 1] = np.clip(
         hsv[..., 1] * float(augmentation_ops.random_uniform(seed(number), *augmentation_ops.SATURATION)), 0, 1
     )
-    after = augmentation_ops.adjust_saturation(picture(), seed(number))["image"]
+    after = augmentation_ops.adjust_saturation(make_sample(), seed(number))["image"]
     np.testing.assert_allclose(after, 255 * color.hsv2rgb(hsv), atol=0.05)
 
 
-def test_flip_mirrors_half_of_the_pictures() -> None:
+def test_flip_mirrors_half_of_the_images() -> None:
     mirrored = 0
     for number in range(40):
-        after = augmentation_ops.flip_left_right(picture(), seed(number))
-        expected = picture()["image"].numpy(), picture()["mask"].numpy()
+        after = augmentation_ops.flip_left_right(make_sample(), seed(number))
+        expected = make_sample()["image"].numpy(), make_sample()["mask"].numpy()
         if not np.array_equal(after["image"], expected[0]):
             expected = cv2.flip(expected[0], 1), cv2.flip(expected[1], 1)
             mirrored += 1
@@ -101,8 +101,8 @@ def test_flip_mirrors_half_of_the_pictures() -> None:
 
 
 @pytest.mark.parametrize(("size", "expected"), [((40, 40), {0, 1, 2, 3}), ((40, 60), {0, 2})])
-def test_quarter_turns_are_opencvs(size: tuple[int, int], expected: set[int]) -> None:
-    before, seen = picture(size), set()
+def test_quarter_turns_equal_those_of_opencv(size: tuple[int, int], expected: set[int]) -> None:
+    before, seen = make_sample(size), set()
     turns: dict[int, Callable[[np.ndarray], np.ndarray]] = {
         0: lambda field: field,
         1: lambda field: cv2.rotate(field, cv2.ROTATE_90_COUNTERCLOCKWISE),
@@ -120,8 +120,10 @@ def test_quarter_turns_are_opencvs(size: tuple[int, int], expected: set[int]) ->
 
 @FAST
 @given(number=SEEDS, size=st.sampled_from([(48, 48), (40, 60)]))
-def test_rotation_is_opencvs_and_fills_with_the_borders_median(number: int, size: tuple[int, int]) -> None:
-    before = picture(size)
+def test_rotation_equals_that_of_opencv_with_the_border_median_outside(
+    number: int, size: tuple[int, int]
+) -> None:
+    before = make_sample(size)
     angle = float(augmentation_ops.random_uniform(seed(number), -math.pi, math.pi))
     height, width = size
     box = cv2.boxPoints(((0.0, 0.0), (float(width), float(height)), math.degrees(angle)))
@@ -142,7 +144,7 @@ def test_rotation_is_opencvs_and_fills_with_the_borders_median(number: int, size
 
 @FAST
 @given(number=SEEDS, name=st.sampled_from(["flip", "rotation90", "rotation"]))
-def test_geometric_ones_move_scale_and_camera_with_the_leaf(number: int, name: str) -> None:
+def test_geometric_augmentations_transform_scale_and_camera(number: int, name: str) -> None:
     before = synthesise(3, size=(96, 96), index=number % 50)
     before["image"] = tf.cast(before["image"], tf.float32)
     after = AUGMENTATIONS[name](before, seed(number))
@@ -182,9 +184,9 @@ def test_poisson_noise_has_a_variance_in_proportion_to_the_light() -> None:
 
 
 @pytest.mark.parametrize("name", AUGMENTATIONS)
-def test_one_traced_pipeline_serves_every_set_and_agrees_with_eager_calls(name: str) -> None:
+def test_one_traced_pipeline_serves_all_sets_of_augmentations_and_equals_eager_calls(name: str) -> None:
     enabled = tf.Variable(augmentation_flags([]))
-    before = picture((48, 48))
+    before = make_sample((48, 48))
     before["image"] = tf.cast(before["image"], tf.uint8)
     traces = []
 
@@ -208,8 +210,8 @@ def test_one_traced_pipeline_serves_every_set_and_agrees_with_eager_calls(name: 
     assert len(traces) == 1
 
 
-def test_a_picture_without_mask_and_scale_will_do() -> None:
-    bare = {"image": tf.cast(picture()["image"], tf.uint8)}
+def test_an_image_without_mask_and_scale_is_augmented() -> None:
+    bare = {"image": tf.cast(make_sample()["image"], tf.uint8)}
     after = augmentation.augment_sample(bare, seed(1), tf.constant(augmentation_flags(AUGMENTATIONS)))
     assert after.keys() == {"image"} and after["image"].shape == bare["image"].shape
 

@@ -1,4 +1,4 @@
-"""Relief from photographs of leaves."""
+"""Reliefs of leaf photos."""
 
 from pathlib import Path
 
@@ -62,12 +62,12 @@ def test_strong_contrast_is_clipped(tmp_path: Path) -> None:
 def test_bad_photos_are_named_and_skipped(tmp_path: Path) -> None:
     save(tmp_path / "a.png", skin(100))
     save(tmp_path / "b.png", np.full((100, 100, 3), 240.0))
-    (tmp_path / "c.jpg").write_bytes(b"no picture")
+    (tmp_path / "c.jpg").write_bytes(b"not an image")
     (tmp_path / "notes.txt").write_text("not looked at")
     save(tmp_path / "d.png", skin(120))
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning) as warned:
         assert len(load_textures(tmp_path, side=32)) == 2
-    messages = [str(warning.message) for warning in told]
+    messages = [str(warning.message) for warning in warned]
     assert len(messages) == 2 and "b.png shows no leaf" in messages[0] and "c.jpg" in messages[1]
 
 
