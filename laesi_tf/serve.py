@@ -1,36 +1,45 @@
-"""Make pictures for `train --data-service HOST:PORT` that runs elsewhere, where its machine is too slow to.
+"""Render scenes for `train --data-service HOST:PORT` on other machines, if one machine is too slow.
 
-Start it on one machine, which then hands out the work, and with --join HOST:PORT on any number of others. It
-has no password: use it in a network that you trust.
+Start it on one machine, which then distributes the work, and with --join HOST:PORT on any number of others.
+
+Security: TensorFlow's data service has no password and listens on every network interface. Whoever reaches
+its ports can read any file that the user who runs it can read, by sending a dataset that reads it. So it
+starts only with --trust-network. Fence it: a firewall that admits only the training machines, an SSH tunnel,
+or a container without mounted folders.
 """
 
+import argparse
 import signal
 import threading
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
+from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.network import parse_address, parse_port, wait_until_reachable
 
-# isort: split
-import tensorflow as tf
+if TYPE_CHECKING:
+    import tensorflow as tf
+
+_JOIN_TIMEOUT_S = 30.0
+"""Both machines may be started at the same time; TensorFlow itself would wait for ever."""
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Start the servers, say where, and serve until stopped."""
-    command = make_parser("serve", __doc__)
-    command.add_argument(
-        "--port", type=int, default=5050, metavar="N", help="where trainings ask for pictures"
-    )
-    command.add_argument("--join", metavar="HOST:PORT", help="work for the one that was started there")
-    command.add_argument(
-        "--host", default="localhost", metavar="NAME", help="this machine's name, as the trainer's reaches it"
-    )
-    options = command.parse_args(arguments)
-    if options.json is not None:
-        require_writable(options.json)
-    # Held by name: a server stops when nothing refers to it.
+    """Start the servers, print their address, and serve until stopped. Raises InputError."""
+    options = _make_parser().parse_args(arguments)
+    if not options.trust_network:
+        raise InputError(
+            "every machine that reaches this server can read all files that you can read; "
+            "protect its ports as --help says, then start it with --trust-network"
+        )
+    if options.join:
+        wait_until_reachable(options.join, timeout_s=_JOIN_TIMEOUT_S)
+    load_tensorflow()
+    # The names keep the servers alive: a server stops when nothing refers to it.
     dispatcher = None if options.join else _start_dispatcher(options.port)
     port = options.port if dispatcher is None else dispatcher.target.rpartition(":")[2]
     address = options.join or f"{options.host}:{port}"
@@ -42,7 +51,9 @@ def main(arguments: Sequence[str]) -> None:
     del worker, dispatcher
 
 
-def _start_dispatcher(port: int) -> tf.data.experimental.service.DispatchServer:
+def _start_dispatcher(port: int) -> "tf.data.experimental.service.DispatchServer":
+    import tensorflow as tf
+
     try:
         return tf.data.experimental.service.DispatchServer(
             tf.data.experimental.service.DispatcherConfig(port=port)
@@ -51,8 +62,10 @@ def _start_dispatcher(port: int) -> tf.data.experimental.service.DispatchServer:
         raise InputError(f"cannot listen on port {port}; choose another --port ({error.message})") from error
 
 
-def _start_worker(address: str, host: str) -> tf.data.experimental.service.WorkerServer:
-    """A worker on a free port; it waits for a dispatcher that is not there yet."""
+def _start_worker(address: str, host: str) -> "tf.data.experimental.service.WorkerServer":
+    """Start a worker of the dispatcher at `address`, on a free port of this machine, called `host`."""
+    import tensorflow as tf
+
     config = tf.data.experimental.service.WorkerConfig(
         dispatcher_address=address, worker_address=f"{host}:%port%"
     )
@@ -64,6 +77,40 @@ def _wait_for_stop_signal() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
     stopped.wait()
+
+
+def _make_parser() -> argparse.ArgumentParser:
+    parser = make_parser("serve", __doc__)
+    parser.add_argument(
+        "--trust-network",
+        action="store_true",
+        help="start although every machine that reaches the ports can read all files that you can read",
+    )
+    parser.add_argument(
+        "--port",
+        type=parse_port,
+        default=5050,
+        metavar="N",
+        help="port on which this machine distributes the work",
+    )
+    parser.add_argument(
+        "--join", type=_address, metavar="HOST:PORT", help="work for the server that was started there"
+    )
+    parser.add_argument(
+        "--host",
+        default="localhost",
+        metavar="NAME",
+        help="name of this machine, by which the training machine reaches it",
+    )
+    return parser
+
+
+def _address(text: str) -> str:
+    try:
+        parse_address(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return text
 
 
 if __name__ == "__main__":
