@@ -1,27 +1,109 @@
-"""Measure speed and memory on this machine. Each benchmark has its own --help.
+"""Measure speed and memory on this machine. Each benchmark has its own --help and --json FILE.
 
-Machines drift: what is compared is measured in turns, several times, and reported as a median with its
-interquartile range. A difference smaller than its range is noise.
+Machines drift: what is compared is measured alternately, several times, and reported as a median with its
+interquartile range (IQR). A difference smaller than its IQR is noise.
 """
 
+import argparse
 from collections.abc import Callable, Sequence
 
-from laesi_tf.benchmarks import photo_speed, synthesis_speed
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-
-BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
-    "synthesis": synthesis_speed.main,
-    "photo": photo_speed.main,
-}
+from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
+from laesi_tf.common.atomic_files import write_json
+from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Hand over to the benchmark that the first argument names."""
-    chooser = make_parser("benchmark", __doc__)
-    chooser.add_argument("what", choices=tuple(BENCHMARKS), help="what to measure")
-    BENCHMARKS[chooser.parse_args(arguments[:1]).what](arguments[1:])
+    """Run the benchmark that the first argument names."""
+    parser = make_parser("benchmark", __doc__, has_json=False)
+    parser.add_argument(
+        "benchmark", choices=tuple(BENCHMARKS), help="what to measure; BENCHMARK --help shows its arguments"
+    )
+    options = parser.parse_args(arguments[:1])
+    BENCHMARKS[options.benchmark](arguments[1:])
 
+
+def benchmark_synthesis(arguments: Sequence[str]) -> None:
+    """Measure the speed of synthesis, alone, per component and during training, and its peak memory."""
+    parser = make_parser("benchmark synthesis", benchmark_synthesis.__doc__)
+    _add_scene_arguments(parser, size=(224, 224))
+    parser.add_argument(
+        "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
+    )
+    parser.add_argument(
+        "--lighting-passes",
+        type=positive_int,
+        metavar="N",
+        help="images of the same leaf in different light (default: that of the ranges; train uses 1)",
+    )
+    parser.add_argument(
+        "--images", type=positive_int, default=20000, metavar="N", help="images for the memory measurement"
+    )
+    parser.add_argument(
+        "--repeats",
+        type=positive_int,
+        default=5,
+        metavar="N",
+        help="repeats of each measurement; one repeat gives no interquartile range",
+    )
+    parser.add_argument("--steps", type=positive_int, default=20, metavar="N", help="timed steps per repeat")
+    parser.add_argument(
+        "--weights",
+        choices=("auto", "imagenet", "none"),
+        default="auto",
+        help="weights of the networks, as for train",
+    )
+    options = parser.parse_args(arguments)
+    load_tensorflow()
+    from laesi_tf.benchmarks.synthesis_report import format_table, measure_synthesis
+    from laesi_tf.synthesis import load_ranges
+
+    ranges = load_ranges(options.ranges)
+    metrics = measure_synthesis(
+        ranges if options.lighting_passes is None else ranges.with_passes(options.lighting_passes),
+        seed=options.seed,
+        size=options.size,
+        images=options.images,
+        repeats=options.repeats,
+        steps=options.steps,
+        weights=options.weights,
+    )
+    if options.json is not None:
+        write_json(options.json, metrics)
+    print(format_table(metrics))
+
+
+def benchmark_photo(arguments: Sequence[str]) -> None:
+    """Time how long it takes to decode a photo from its JPEG file and to measure it."""
+    parser = make_parser("benchmark photo", benchmark_photo.__doc__)
+    add_model_arguments(parser)
+    _add_scene_arguments(parser, size=(3000, 4000))
+    parser.add_argument("--repeats", type=positive_int, default=20, metavar="N", help="number of photos")
+    options = parser.parse_args(arguments)
+    load_tensorflow()
+    from laesi_tf.benchmarks.photo_speed import format_table, time_photos
+    from laesi_tf.estimators.factory import load_estimator
+
+    estimator = load_estimator(options.model, mask_run=options.mask_model)
+    metrics = time_photos(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
+    if options.json is not None:
+        write_json(options.json, metrics)
+    print(format_table(metrics))
+
+
+def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, int]) -> None:
+    parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the scenes")
+    parser.add_argument(
+        "--size", type=image_size, default=size, metavar="PX", help="SIDE or HEIGHTxWIDTH in pixels"
+    )
+
+
+BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
+    "synthesis": benchmark_synthesis,
+    "photo": benchmark_photo,
+}
 
 if __name__ == "__main__":
     run_command(main)

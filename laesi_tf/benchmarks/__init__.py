@@ -1,1 +1,1 @@
-"""What is measured of speed and memory."""
+"""Measurements of speed and memory."""

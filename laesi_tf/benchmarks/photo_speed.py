@@ -1,102 +1,84 @@
-"""How long a photo takes to be measured."""
+"""Benchmark `photo`: measure how long it takes to decode and to measure a photo."""
 
-import argparse
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from laesi_tf.cli.arguments import make_parser
-from laesi_tf.cli.model_arguments import add_model_arguments
-from laesi_tf.common.atomic_files import require_writable, write_json
-from laesi_tf.common.hardware import describe_hardware
-from laesi_tf.common.parsing import image_size, positive_int
-from laesi_tf.common.progress import progress_bar
-from laesi_tf.estimators.base import Estimator
-from laesi_tf.estimators.factory import load_estimator
-
-# isort: split
 import cv2
+import tensorflow as tf
 from PIL import Image
 
+from laesi_tf.benchmarks.component_cost import trace_renderer
 from laesi_tf.benchmarks.timing import MedianIqr, format_row
+from laesi_tf.common.hardware import describe_hardware
+from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.decoding import decode_photo
-from laesi_tf.synthesis import synthesise
+from laesi_tf.estimators.base import Estimator
+from laesi_tf.synthesis import load_ranges
 
-Size = tuple[int, int]
-
-_SCENE_PX, _PASSES = 1600, 4
-"""Longer side at which the scene of a photo is made; pictures of the same leaf."""
-
-
-def main(arguments: Sequence[str]) -> None:
-    """Time to measure a photo, decoded and from its JPEG file, with the models named or those shipped."""
-    options = _make_parser().parse_args(arguments)
-    if options.json is not None:
-        require_writable(options.json)
-    estimator = load_estimator(options.model, mask_run=options.mask_model)
-    figures = time_photos(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
-    figures |= describe_hardware()
-    if options.json is not None:
-        write_json(options.json, figures)
-    print(_format_table(figures))
+_SCENE_PX = 1600
+"""Longer side of the rendered scene, pixels."""
+_PASSES = 4
+"""Successive indices that show the same leaf."""
 
 
-def time_photos(estimator: Estimator, *, seed: int, size: Size, repeats: int) -> dict[str, Any]:
-    """Milliseconds to decode a photo of `size` and to measure it, medians over scenes, and their ranges.
+def time_photos(estimator: Estimator, *, seed: int, size: tuple[int, int], repeats: int) -> dict[str, Any]:
+    """Time decoding and measuring a photo of `size` (h, w); return medians over scenes in ms, and their IQR.
 
-    A scene is made at `_SCENE_PX` and enlarged: as in a phone's photo, single pixels hold nothing new.
+    A scene is rendered at 1600 pixels and enlarged: in a phone's photo, single pixels carry no detail either.
     """
-    decoding, measuring, methods = [], [], []
+    # One traced graph for all scenes: rendering eagerly traces functions again and again, with warnings.
+    render = trace_renderer(load_ranges("rendering_2"), seed=seed, size=_scene_size(size))
+    times: dict[str, list[float]] = {"decode": [], "measure": []}
+    methods = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "photo.jpg"
-        for index in progress_bar(range(repeats + 1), desc="photos", unit="photo"):
-            scene = synthesise(seed, size=_scene_size(size), index=index * _PASSES)["image"].numpy()
-            enlarged = cv2.resize(scene, size[::-1], interpolation=cv2.INTER_CUBIC)
+        for number in progress_bar(range(repeats + 1), desc="photos", unit="photo"):
+            image = render(tf.constant(number * _PASSES, tf.int64))["image"].numpy()
+            enlarged = cv2.resize(image, size[::-1], interpolation=cv2.INTER_CUBIC)
             Image.fromarray(enlarged).save(path, quality=90)
-            begun = time.perf_counter()
-            image = decode_photo(path)
+            started = time.perf_counter()
+            photo = decode_photo(path)
             decoded = time.perf_counter()
-            measurement = estimator.measure(image)
-            decoding.append((decoded - begun) * 1e3)
-            measuring.append((time.perf_counter() - decoded) * 1e3)
+            measurement = estimator.measure(photo)
+            times["decode"].append((decoded - started) * 1e3)
+            times["measure"].append((time.perf_counter() - decoded) * 1e3)
             methods.append(measurement.method)
     # The first photo traces graphs.
-    spreads = {"decode": MedianIqr.of(decoding[1:]), "measure": MedianIqr.of(measuring[1:])}
+    summary = {name: MedianIqr.of(values[1:]) for name, values in times.items()}
     return {
         "megapixels": size[0] * size[1] / 1e6,
         "photos": repeats,
         "methods": sorted(set(methods[1:])),
-        **{f"{name}_ms": spread.median for name, spread in spreads.items()},
-        **{f"{name}_ms_iqr": spread.iqr for name, spread in spreads.items()},
+        **{f"{name}_ms": spread.median for name, spread in summary.items()},
+        **{f"{name}_ms_iqr": spread.iqr for name, spread in summary.items()},
+        **describe_hardware(),
     }
 
 
-def _scene_size(size: Size) -> Size:
-    """`size` with its longer side brought to `_SCENE_PX`, or as it is where that is less."""
+def _scene_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return `size` with its longer side reduced to 1600 pixels."""
     scale = min(1.0, _SCENE_PX / max(size))
     return round(size[0] * scale), round(size[1] * scale)
 
 
-def _format_table(figures: dict[str, Any]) -> str:
+def format_table(metrics: Mapping[str, Any]) -> str:
     rows = [
-        format_row(f"{name}, {figures['megapixels']:.1f} megapixels, ms", f"{median:.0f}", f"{iqr:.0f}")
+        format_row(
+            f"{name}, {metrics['megapixels']:.1f} megapixels, ms",
+            f"{metrics[f'{name}_ms']:.0f}",
+            f"{metrics[f'{name}_ms_iqr']:.0f}",
+        )
         for name in ("decode", "measure")
-        for median, iqr in [(figures[f"{name}_ms"], figures[f"{name}_ms_iqr"])]
     ]
-    machine = "{photos} photos, {machine}, {cores} cores, TensorFlow {tensorflow}, {date}".format_map(figures)
+    machine = "{photos} photos, {machine}, {cores} cores, TensorFlow {tensorflow}, {date}".format_map(metrics)
     return "\n".join(
-        [format_row("", "median", "IQR"), *rows, f"measured by {', '.join(figures['methods'])}", machine]
+        [
+            format_row("", "median", "IQR"),
+            *rows,
+            f"measured by {', '.join(metrics['methods'])}",
+            machine,
+        ]
     )
-
-
-def _make_parser() -> argparse.ArgumentParser:
-    made = make_parser("benchmark photo", main.__doc__)
-    add_model_arguments(made)
-    made.add_argument("--seed", type=int, default=0, help="seed of the scenes that are photographed")
-    made.add_argument(
-        "--size", type=image_size, default=(3000, 4000), metavar="PX", help="SIDE or HEIGHTxWIDTH"
-    )
-    made.add_argument("--repeats", type=positive_int, default=20, metavar="N", help="photos")
-    return made

@@ -7,29 +7,35 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from laesi_tf.benchmarks.synthesis_speed import BATCH_SIZE, WARMUP_STEPS, batch_scenes
+from laesi_tf.benchmarks.timing import MedianIqr
 from laesi_tf.synthesis import Ranges
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.loop import fit
 
-# isort: split
-from laesi_tf.benchmarks.timing import BATCH_SIZE, WARMUP_STEPS, MedianIqr, Size, stream_scenes
-
-_CACHED_BATCHES = 8
+CACHED_BATCHES = 8
 
 
 def measure_training_speed(
-    backbone: str, ranges: Ranges, *, weights: str, repeats: int, steps: int, seed: int, size: Size
+    backbone: str,
+    ranges: Ranges,
+    *,
+    weights: str,
+    repeats: int,
+    steps: int,
+    seed: int,
+    size: tuple[int, int],
 ) -> dict[str, Any]:
-    """Images per second of the training loop on pictures cached in memory and on live ones, in turns.
+    """Measure the training loop's images per second on scenes in memory and on live ones, alternating.
 
-    Returns Spreads `cached` and `live`, and `ratio`, live over cached (of medians).
+    Returns `cached` and `live` (MedianIqr), `ratio` (live over cached, of medians) and `weights_origin`.
     """
-    cached = list(stream_scenes(ranges, seed, size, count=_CACHED_BATCHES * BATCH_SIZE))
-    live = stream_scenes(ranges, seed, size, start=_CACHED_BATCHES * BATCH_SIZE)
+    cached = list(batch_scenes(ranges, seed=seed, size=size, count=CACHED_BATCHES * BATCH_SIZE))
+    live = batch_scenes(ranges, seed=seed, size=size, start=CACHED_BATCHES * BATCH_SIZE)
     rates: dict[str, list[float]] = {"cached": [], "live": []}
-    turns = {"cached": itertools.cycle(cached), "live": iter(live)}
-    # The loop asks for its stream once more when it calibrates batch normalisation after the last step.
-    streams = iter([_alternate_sources(turns, rates, repeats, steps), cached])
+    sources = {"cached": itertools.cycle(cached), "live": iter(live)}
+    # The loop opens its stream once more to calibrate batch normalisation after the last step.
+    streams = iter([_alternate_sources(sources, rates, repeats, steps), cached])
     config = TrainConfig(
         backbone=backbone,
         size=size,
@@ -42,23 +48,22 @@ def measure_training_speed(
     )
     with tempfile.TemporaryDirectory() as folder:
         result = fit(config, Path(folder), train=lambda _: next(streams), validation=cached[:1])
-    spreads = {name: MedianIqr.of(values) for name, values in rates.items()}
-    ratio = spreads["live"].median / spreads["cached"].median
-    return {**spreads, "ratio": ratio, "weights_origin": result.metrics["weights_origin"]}
+    summary = {name: MedianIqr.of(values) for name, values in rates.items()}
+    ratio = summary["live"].median / summary["cached"].median
+    return {**summary, "ratio": ratio, "weights_origin": result.metrics["weights_origin"]}
 
 
 def _alternate_sources(
     sources: dict[str, Iterator[Any]], rates: dict[str, list[float]], repeats: int, steps: int
 ) -> Iterator[Any]:
-    """Batches of each source in turn; how fast they were asked for goes into `rates`.
+    """Yield batches of each source alternately; append the images per second of each turn to `rates`.
 
-    From one batch being handed out to the next being asked for, the loop trains on it; getting a batch is
-    timed as well.
+    The loop trains on a batch before it asks for the next one, so both training and waiting are timed.
     """
     for _ in range(repeats):
         for name, source in sources.items():
             yield from itertools.islice(source, WARMUP_STEPS)
-            begun = time.perf_counter()
+            started = time.perf_counter()
             yield from itertools.islice(source, steps)
-            rates[name].append(steps * BATCH_SIZE / (time.perf_counter() - begun))
+            rates[name].append(steps * BATCH_SIZE / (time.perf_counter() - started))
     yield next(source)
