@@ -1,8 +1,8 @@
-"""Measure how alike two sets of pictures are to a network: real and synthetic, or synthetic before and after.
+"""Measure the similarity of two sets of images: real and synthetic, or synthetic before and after a change.
 
-A set is a manifest, a folder of pictures, or one that generate wrote. Every picture becomes a unit vector,
-the features of a network trained on ImageNet; two are as alike as the cosine between theirs. How alike the
-pictures of one set are among themselves says what to compare the cosines between the sets with.
+A set is a manifest, a folder of images, or a data set that generate wrote. A network trained on ImageNet
+turns every image into a vector of unit length; the similarity of two images is the cosine of theirs. The
+cosines within one set show what to expect between two.
 """
 
 import argparse
@@ -12,134 +12,115 @@ from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_json, write_text
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_int
-from laesi_tf.reporting.captions import add_caption, make_contact_sheet
-from laesi_tf.reporting.overlay import write_png
-
-# isort: split
-import numpy as np
-
-from laesi_tf.data.image_sets import load_images
-from laesi_tf.evaluation.feature_similarity import find_closest_pairs, nearest_cosines
-from laesi_tf.models.image_embedding import NETWORKS, load_embedder
-from laesi_tf.reporting.similarity_charts import import_umap, plot_umap, plot_violins
+from laesi_tf.data.image_sets import find_images, load_images
 
 _SIZE = (224, 224)
-_PAIRS, _PAIR_COLUMNS = 100, 5
+_NETWORKS = ("resnet50", "small", "large", "large_minimalistic")
+_PAIRS = 100
+_MIN_IMAGES = 3
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Embed both sets, compare, draw."""
+    """Embed both sets, compare them, draw the charts. Raises InputError."""
     options = _make_parser().parse_args(arguments)
-    for path in (options.out / "similarity.csv", *([options.json] if options.json else [])):
-        require_writable(path)
-    import_umap()
-    pictures, names = {}, {}
-    for key, path in (("a", options.a), ("b", options.b)):
-        pictures[key], names[key] = _load_set(path, options.count, getattr(options, f"split_{key}"))
-    network = load_embedder(options.network, size=_SIZE, weights=options.weights)
-    features = {key: network(images) for key, images in pictures.items()}
-    scores = {
-        "a to b": nearest_cosines(features["a"], features["b"]),
-        "b to a": nearest_cosines(features["b"], features["a"]),
-        "within a": nearest_cosines(features["a"]),
-        "within b": nearest_cosines(features["b"]),
+    require_writable(options.out / "similarity.csv")
+    image_sets = {
+        "a": find_images(options.a, split=options.split_a),
+        "b": find_images(options.b, split=options.split_b),
     }
-    figures = _summarise(options, network.origin, features, scores)
-    title = f"a: {options.a}\nb: {options.b}\n{network.origin}"
-    plot_violins(options.out / "violins.png", scores, title=title)
-    plot_umap(options.out / "umap.png", features, title=title)
-    pairs = find_closest_pairs(features["a"] @ features["b"].T, _PAIRS)
-    _draw_pairs(options.out / "pairs.png", pictures, names, pairs)
-    rows = ((names["a"][i], names["b"][j], f"{cosine:.6f}") for i, j, cosine in pairs)
-    write_csv(options.out / "similarity.csv", ("a", "b", "cosine"), rows)
-    text = _format_table(figures)
-    write_text(options.out / "similarity.txt", text + "\n")
-    if options.json:
-        write_json(options.json, figures)
-    print(text)
+    for image_set in image_sets.values():
+        _require_enough(image_set.path, image_set.count)
+    load_tensorflow()
+    from laesi_tf.evaluation.feature_similarity import compare_sets, find_closest_pairs, summarise_scores
+    from laesi_tf.models.image_embedding import load_embedder
+    from laesi_tf.reporting.similarity_charts import draw_pairs, import_umap, plot_umap, plot_violins
 
-
-def _load_set(path: Path, count: int, split: str | None) -> tuple[np.ndarray, list[str]]:
-    images, names, unread = load_images(path, size=_SIZE, count=count, split=split)
-    for line in unread:
-        print(f"skipped: {line}")
-    if len(images) < 3:
-        raise InputError(f"{path} has {len(images)} pictures to compare; it takes three")
-    return images, names
-
-
-def _summarise(
-    options: argparse.Namespace,
-    network: str,
-    features: Mapping[str, np.ndarray],
-    scores: Mapping[str, np.ndarray],
-) -> dict[str, Any]:
-    told: dict[str, Any] = {
+    import_umap()
+    images, names = {}, {}
+    for key, image_set in image_sets.items():
+        images[key], names[key], errors = load_images(image_set, size=_SIZE, count=options.count)
+        for error in errors:
+            print(f"skipped: {error}")
+        _require_enough(image_set.path, len(images[key]))
+    embed = load_embedder(options.network, size=_SIZE, weights=options.weights)
+    features = {key: embed(pixels) for key, pixels in images.items()}
+    cosines = features["a"] @ features["b"].T
+    scores = compare_sets(features["a"], features["b"])
+    metrics = {
         "a": str(options.a),
         "b": str(options.b),
-        "network": network,
+        "network": embed.origin,
         "n_a": len(features["a"]),
         "n_b": len(features["b"]),
-        "mean_all_pairs": float((features["a"] @ features["b"].T).mean()),
+        "mean_all_pairs": float(cosines.mean()),
+        **summarise_scores(scores),
     }
-    for name, values in scores.items():
-        low, middle, high = np.percentile(values, [10, 50, 90])
-        key = name.replace(" ", "_")
-        told |= {f"{key}_p10": float(low), f"{key}_median": float(middle), f"{key}_p90": float(high)}
-    return told
+    title = f"a: {options.a}\nb: {options.b}\n{embed.origin}"
+    plot_violins(options.out / "violins.png", scores, title=title)
+    plot_umap(options.out / "umap.png", features, title=title)
+    pairs = find_closest_pairs(cosines, _PAIRS)
+    draw_pairs(options.out / "pairs.png", images, names, pairs)
+    rows = ((names["a"][i], names["b"][j], f"{cosine:.6f}") for i, j, cosine in pairs)
+    write_csv(options.out / "similarity.csv", ("a", "b", "cosine"), rows)
+    table = _format_table(metrics)
+    write_text(options.out / "similarity.txt", table + "\n")
+    if options.json:
+        write_json(options.json, metrics)
+    print(table)
 
 
-def _format_table(figures: Mapping[str, Any]) -> str:
+def _require_enough(path: Path, count: int) -> None:
+    if count < _MIN_IMAGES:
+        raise InputError(f"{path} has {count} images to compare; at least {_MIN_IMAGES} are needed")
+
+
+def _format_table(metrics: Mapping[str, Any]) -> str:
     lines = [
-        f"a: {figures['n_a']} pictures of {figures['a']}",
-        f"b: {figures['n_b']} pictures of {figures['b']}",
-        f"network: {figures['network']}",
-        f"mean cosine of all pairs between the sets  {figures['mean_all_pairs']:.4f}",
-        f"{'cosine to the nearest picture':32}{'p10':>9}{'median':>9}{'p90':>9}",
+        f"a: {metrics['n_a']} images of {metrics['a']}",
+        f"b: {metrics['n_b']} images of {metrics['b']}",
+        f"network: {metrics['network']}",
+        f"mean cosine of all pairs between the sets  {metrics['mean_all_pairs']:.4f}",
+        f"{'cosine to the nearest image':32}{'p10':>9}{'median':>9}{'p90':>9}",
     ]
     for key in ("a_to_b", "b_to_a", "within_a", "within_b"):
-        values = "".join(f"{figures[f'{key}_{name}']:9.4f}" for name in ("p10", "median", "p90"))
+        values = "".join(f"{metrics[f'{key}_{name}']:9.4f}" for name in ("p10", "median", "p90"))
         lines.append(f"{key.replace('_', ' '):32}{values}")
     return "\n".join(lines)
 
 
-def _draw_pairs(
-    path: Path,
-    pictures: Mapping[str, np.ndarray],
-    names: Mapping[str, Sequence[str]],
-    pairs: Sequence[tuple[int, int, float]],
-) -> None:
-    tiles = []
-    for i, j, cosine in pairs:
-        side_by_side = np.concatenate([pictures["a"][i], pictures["b"][j]], axis=1)
-        caption = [f"{cosine:.4f}", f"{names['a'][i]} | {names['b'][j]}"]
-        tiles.append(add_caption(side_by_side, caption))
-    write_png(path, make_contact_sheet(tiles, columns=_PAIR_COLUMNS))
-
-
 def _make_parser() -> argparse.ArgumentParser:
-    made = make_parser("similarity", __doc__)
-    made.add_argument("a", type=Path, metavar="A", help="manifest or folder of the first set")
-    made.add_argument("b", type=Path, metavar="B", help="manifest or folder of the second set")
-    made.add_argument("--split-a", metavar="NAME", help="split of A's manifest to take")
-    made.add_argument("--split-b", metavar="NAME", help="split of B's manifest to take")
-    made.add_argument("--network", choices=NETWORKS, default="resnet50", help="whose features are compared")
-    made.add_argument(
+    parser = make_parser("similarity", __doc__)
+    parser.add_argument("a", type=Path, metavar="A", help="manifest or folder of the first set")
+    parser.add_argument("b", type=Path, metavar="B", help="manifest or folder of the second set")
+    parser.add_argument("--split-a", metavar="NAME", help="split of A's manifest")
+    parser.add_argument("--split-b", metavar="NAME", help="split of B's manifest")
+    parser.add_argument(
+        "--network",
+        choices=_NETWORKS,
+        default="resnet50",
+        help="network that embeds the images",
+    )
+    parser.add_argument(
         "--weights",
         default="imagenet",
         metavar="imagenet|PATH",
-        help="Keras's own, or a file of this network",
+        help="Keras's own weights, or a file of this network",
     )
-    made.add_argument(
-        "--count", type=positive_int, default=500, metavar="N", help="pictures of each set, evenly spread"
+    parser.add_argument(
+        "--count",
+        type=positive_int,
+        default=500,
+        metavar="N",
+        help="images of each set at most, evenly spaced",
     )
-    made.add_argument(
-        "--out", type=Path, default=Path("similarity"), metavar="DIR", help="folder of the pictures"
+    parser.add_argument(
+        "--out", type=Path, default=Path("similarity"), metavar="DIR", help="folder for charts and tables"
     )
-    return made
+    return parser
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""How alike two sets of pictures are."""
+"""Similarity of two sets of images."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -11,11 +13,11 @@ from hypothesis import strategies as st
 
 from laesi_tf import similarity
 from laesi_tf.common.errors import InputError
-from laesi_tf.data.image_sets import load_images
+from laesi_tf.data.image_sets import find_images, load_images
 from laesi_tf.evaluation.feature_similarity import find_closest_pairs, nearest_cosines
 from laesi_tf.generate import main as generate
 from laesi_tf.models.backbone import build_backbone
-from laesi_tf.models.image_embedding import load_embedder
+from laesi_tf.models.image_embedding import NETWORKS, load_embedder
 
 SIZE = (64, 64)
 
@@ -51,12 +53,12 @@ def test_nearest_is_the_largest_cosine_to_another(seed: int, count: int, others:
     np.testing.assert_allclose(nearest_cosines(a), within)
 
 
-def test_closest_pairs_are_in_order_and_no_picture_of_a_comes_twice() -> None:
+def test_closest_pairs_are_in_order_and_use_an_image_of_a_once() -> None:
     cosines = np.array([[0.9, 0.8], [0.1, 0.95], [0.2, 0.3]])
     assert find_closest_pairs(cosines, 2) == [(1, 1, 0.95), (0, 0, 0.9)]
 
 
-def test_features_have_unit_length_and_see_what_is_alike(weights: Path) -> None:
+def test_features_have_unit_length_and_are_close_for_similar_images(weights: Path) -> None:
     random = np.random.default_rng(0)
     images = random.integers(0, 256, (40, *SIZE, 3), np.uint8)
     images[1] = images[0] // 2 * 2
@@ -82,31 +84,53 @@ def test_weights_of_another_network_are_refused(weights: Path) -> None:
 
 def test_sets_come_as_folders_manifests_and_records(tmp_path: Path) -> None:
     plain = folder(tmp_path / "plain", list(range(0, 100, 10)))
-    (plain / "broken.png").write_bytes(b"no picture")
-    images, names, unread = load_images(plain, size=SIZE, count=20)
+    (plain / "broken.png").write_bytes(b"not an image")
+    images, names, unread = load_images(find_images(plain), size=SIZE, count=20)
     assert images.shape == (10, *SIZE, 3) and len(names) == 10
     assert len(unread) == 1 and "broken.png" in unread[0]
-    images, names, _ = load_images(plain, size=SIZE, count=3)
+    images, names, _ = load_images(find_images(plain), size=SIZE, count=3)
     assert len(images) == 2 and names == ["0.png", "5.png"]  # the last of the three is the broken one
     listed = folder(tmp_path / "listed", [0, 50, 100], manifest=True)
-    assert load_images(listed, size=SIZE, count=9, split="val")[1] == ["1.png"]
+    assert load_images(find_images(listed, split="val"), size=SIZE, count=9)[1] == ["1.png"]
     generate(["--count", "6", "--per-shard", "4", "--size", "48", "--out", str(tmp_path / "records")])
-    images, names, _ = load_images(tmp_path / "records", size=SIZE, count=3)
-    assert images.shape == (3, *SIZE, 3) and names == ["picture 0", "picture 2", "picture 5"]
+    images, names, _ = load_images(find_images(tmp_path / "records"), size=SIZE, count=3)
+    assert images.shape == (3, *SIZE, 3) and names == ["image 0", "image 2", "image 5"]
 
 
 def test_what_is_no_set_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no pictures at"):
-        load_images(tmp_path / "nothing", size=SIZE, count=3)
+    with pytest.raises(InputError, match="no images at"):
+        find_images(tmp_path / "nothing")
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(InputError, match="no picture that can be read"):
-        load_images(empty, size=SIZE, count=3)
-    with pytest.raises(InputError, match="name a split"):
-        load_images(empty, size=SIZE, count=3, split="val")
+    with pytest.raises(InputError, match="no images in"):
+        find_images(empty)
+    with pytest.raises(InputError, match="no split 'val'"):
+        find_images(empty, split="val")
+    (empty / "broken.png").write_bytes(b"not an image")
+    with pytest.raises(InputError, match=r"no image in .* can be read; the first: .*broken\.png"):
+        load_images(find_images(empty), size=SIZE, count=3)
 
 
-def test_the_command_tells_alike_from_unlike(weights: Path, tmp_path: Path, capsys) -> None:
+def test_an_empty_folder_is_refused_before_tensorflow_starts(tmp_path: Path) -> None:
+    reds = folder(tmp_path / "reds", [0, 1, 2, 3])
+    (tmp_path / "empty").mkdir()
+    script = (
+        "import sys\n"
+        "from laesi_tf import similarity\n"
+        "from laesi_tf.common.errors import InputError\n"
+        "try: similarity.main(sys.argv[1:])\n"
+        "except InputError as error: print(error, 'tensorflow' in sys.modules)\n"
+    )
+    arguments = [str(reds), str(tmp_path / "empty"), "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, text=True)
+    assert "no images in" in done.stdout and done.stdout.endswith("False\n"), done.stderr
+
+
+def test_the_command_offers_every_network() -> None:
+    assert similarity._NETWORKS == NETWORKS
+
+
+def test_similar_sets_have_higher_cosines(weights: Path, tmp_path: Path, capsys) -> None:
     reds = folder(tmp_path / "reds", [0, 1, 2, 3])
     also_reds = folder(tmp_path / "also_reds", [0, 1, 2, 4])
     blues = folder(tmp_path / "blues", [110, 112, 114, 116])
@@ -115,9 +139,9 @@ def test_the_command_tells_alike_from_unlike(weights: Path, tmp_path: Path, caps
         out = tmp_path / name
         network = ["--network", "small", "--weights", str(weights)]
         similarity.main(
-            [str(reds), str(other), *network, "--out", str(out), "--json", str(out / "told.json")]
+            [str(reds), str(other), *network, "--out", str(out), "--json", str(out / "metrics.json")]
         )
-        figures[name] = json.loads((out / "told.json").read_text())
+        figures[name] = json.loads((out / "metrics.json").read_text())
         assert {path.name for path in out.iterdir()} >= {"violins.png", "umap.png", "pairs.png"}
         assert len((out / "similarity.csv").read_text().splitlines()) == 5
     assert "small.weights.h5" in capsys.readouterr().out
