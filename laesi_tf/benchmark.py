@@ -6,6 +6,8 @@ interquartile range (IQR). A difference smaller than its IQR is noise.
 
 import argparse
 from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
@@ -13,6 +15,7 @@ from laesi_tf.cli.model_arguments import add_model_arguments
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
+from laesi_tf.data.manifest import read_manifest
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -93,6 +96,44 @@ def benchmark_photo(arguments: Sequence[str]) -> None:
     print(format_table(metrics))
 
 
+def benchmark_sensitivity(arguments: Sequence[str]) -> None:
+    """Halve and double each parameter of an estimator; show how its error, coverage and refusals change."""
+    parser = make_parser("benchmark sensitivity", benchmark_sensitivity.__doc__)
+    add_model_arguments(parser)
+    _add_scene_arguments(parser, size=(1200, 1600))
+    parser.add_argument(
+        "--scenes", type=positive_int, default=40, metavar="N", help="scenes of different leaves to measure"
+    )
+    parser.add_argument(
+        "--photos", type=Path, metavar="MANIFEST", help="measure these photos of known area, not scenes"
+    )
+    parser.add_argument("--split", metavar="NAME", help="split of the manifest")
+    parser.add_argument(
+        "--parameters",
+        nargs="+",
+        default=[],
+        metavar="PREFIX",
+        help="only parameters whose names start like this, such as a stage (default: all)",
+    )
+    options = parser.parse_args(arguments)
+    photos = None if options.photos is None else read_manifest(options.photos, split=options.split)
+    load_tensorflow()
+    from laesi_tf.benchmarks import sensitivity
+    from laesi_tf.estimators.factory import load_estimator
+
+    estimator: Any = load_estimator(options.model, mask_run=options.mask_model)
+    parameters = sensitivity.select_parameters(estimator.params, options.parameters)
+    if photos is None:
+        labelled = sensitivity.render_photos(options.scenes, seed=options.seed, size=options.size)
+    else:
+        labelled = sensitivity.load_photos(photos)
+    base = sensitivity.measure_accuracy(estimator, labelled)
+    results = list(sensitivity.measure_sensitivity(estimator, labelled, parameters))
+    if options.json is not None:
+        write_json(options.json, sensitivity.to_json(base, results))
+    print(sensitivity.format_table(base, results, count=len(labelled)))
+
+
 def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, int]) -> None:
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the scenes")
     parser.add_argument(
@@ -103,6 +144,7 @@ def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, in
 BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
     "synthesis": benchmark_synthesis,
     "photo": benchmark_photo,
+    "sensitivity": benchmark_sensitivity,
 }
 
 if __name__ == "__main__":
