@@ -14,7 +14,7 @@ MASKS = hnp.arrays(np.uint8, st.tuples(st.integers(1, 5), st.just(7), st.just(6)
 
 
 @given(AREAS)
-def test_area_figures_are_those_of_a_loop_over_leaves(pairs):
+def test_area_metrics_equal_those_of_a_loop_over_leaves(pairs):
     predicted, true = zip(*pairs, strict=True)
     errors = sorted(100.0 * abs(found - truth) / truth for found, truth in pairs)
     assert metrics.mre(predicted, true) == pytest.approx(sum(errors) / len(errors))
@@ -25,7 +25,7 @@ def test_area_figures_are_those_of_a_loop_over_leaves(pairs):
 
 
 @given(st.data())
-def test_mask_figures_are_those_of_skimages_contingency_table(data):
+def test_mask_metrics_equal_those_of_skimages_contingency_table(data):
     true = data.draw(MASKS)
     predicted = data.draw(hnp.arrays(np.uint8, true.shape, elements=st.integers(0, 1)))
     ious, errors = [], []

@@ -60,8 +60,8 @@ def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ('backbone = "smal"', "unknown backbone 'smal', did you mean 'small'"),
-        ("alpha = 99", "alpha 99 is not a number"),
+        ('backbone = "smal"', "backbone = 'smal' must be small, .*; did you mean 'small'"),
+        ("alpha = 99", "alpha = 99 must be a number between 0.1 and 4"),
         ('size = "64"', "is not \\[height, width\\]"),
         ("task = 3", "task = 3 must be area or mask"),
     ],

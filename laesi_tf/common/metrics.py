@@ -1,6 +1,6 @@
-"""The paper's figures of merit, in numpy: MRE in percent; mIoU and MPE as fractions.
+"""The paper's metrics in NumPy: MRE in percent; mIoU and MPE as fractions.
 
-Areas are [N] in cm2, true ones positive. Masks are [N, H, W] (or [H, W] for one picture), nonzero where leaf.
+Areas are [N] in cm2, true ones positive. Masks are [N, H, W] (or [H, W] for one image), nonzero where leaf.
 """
 
 import numpy as np
@@ -10,7 +10,10 @@ Floats = NDArray[np.float64]
 
 
 def relative_errors(predicted: ArrayLike, true: ArrayLike) -> Floats:
-    """|predicted - true| / true per leaf in percent, [N]; ValueError for unlike shapes or areas <= 0."""
+    """Return |predicted - true| / true per leaf in percent, [N].
+
+    Raises ValueError for unequal shapes and for true areas that are not positive.
+    """
     found, truth = np.asarray(predicted, np.float64), np.asarray(true, np.float64)
     if found.shape != truth.shape:
         raise ValueError(f"predicted areas {found.shape} and true areas {truth.shape} differ in shape")
@@ -20,28 +23,31 @@ def relative_errors(predicted: ArrayLike, true: ArrayLike) -> Floats:
 
 
 def mre(predicted: ArrayLike, true: ArrayLike) -> float:
-    """Mean relative error of areas, in percent; NaN for no leaves."""
+    """Return the mean relative error of areas, in percent; NaN for no leaves."""
     return _mean_or_nan(relative_errors(predicted, true))
 
 
 def median_relative_error(predicted: ArrayLike, true: ArrayLike) -> float:
-    """Median relative error of areas, in percent; NaN for no leaves."""
+    """Return the median relative error of areas, in percent; NaN for no leaves."""
     return relative_error_percentile(predicted, true, 50.0)
 
 
 def p90_relative_error(predicted: ArrayLike, true: ArrayLike) -> float:
-    """The relative error in percent that nine leaves in ten stay below; NaN for no leaves."""
+    """Return the 90th percentile of the relative error, in percent; NaN for no leaves."""
     return relative_error_percentile(predicted, true, 90.0)
 
 
 def relative_error_percentile(predicted: ArrayLike, true: ArrayLike, rank: float) -> float:
-    """The relative error in percent at `rank` 0..100, linearly interpolated; NaN for no leaves."""
+    """Return the percentile `rank` (0..100) of the relative error, in percent; NaN for no leaves.
+
+    Between two leaves it is interpolated linearly.
+    """
     errors = relative_errors(predicted, true)
     return float(np.percentile(errors, rank)) if errors.size else float("nan")
 
 
 def ious(predicted: ArrayLike, true: ArrayLike) -> Floats:
-    """Intersection over union of the leaf, per picture, [N]; 1 where both masks are empty."""
+    """Return the intersection over union of the leaf per image, [N]; 1 where both masks are empty."""
     found, truth = _as_mask_batches(predicted, true)
     union = (found | truth).sum(axis=(1, 2))
     shared = (found & truth).sum(axis=(1, 2))
@@ -49,7 +55,7 @@ def ious(predicted: ArrayLike, true: ArrayLike) -> Floats:
 
 
 def pixel_errors(predicted: ArrayLike, true: ArrayLike) -> Floats:
-    """|predicted - true| / true of the count of leaf pixels, per picture, [N]; NaN where no pixel is leaf."""
+    """Return |predicted - true| / true of the number of leaf pixels per image, [N]; NaN where true is 0."""
     found, truth = _as_mask_batches(predicted, true)
     counts = truth.sum(axis=(1, 2)).astype(np.float64)
     off = np.abs(found.sum(axis=(1, 2)) - counts)
@@ -57,14 +63,14 @@ def pixel_errors(predicted: ArrayLike, true: ArrayLike) -> Floats:
 
 
 def miou(predicted: ArrayLike, true: ArrayLike) -> float:
-    """Mean over pictures of the leaf's intersection over union, 0..1: each picture counts alike."""
+    """Return the mean over images of the leaf's intersection over union, 0..1."""
     return _mean_or_nan(ious(predicted, true))
 
 
 def mpe(predicted: ArrayLike, true: ArrayLike) -> float:
-    """Mask pixel error: mean over pictures of the relative error in the count of leaf pixels, a fraction.
+    """Return the mask pixel error: the mean relative error in the number of leaf pixels, a fraction.
 
-    Pictures without a leaf pixel have no relative error and are left out; NaN if none remains.
+    Images without a leaf pixel have no relative error and are left out; NaN if none remains.
     """
     errors = pixel_errors(predicted, true)
     return _mean_or_nan(errors[~np.isnan(errors)])
