@@ -94,11 +94,7 @@ def test_it_trains_as_fit_does(shared: TrialRunner, tmp_path: Path) -> None:
         patched.setattr(loop, "_CALIBRATION_PICTURES", BUDGET.calibration)
         stream = list(shared.pictures.training(NADAM.augmentations, 0))
         run = loop.fit(
-            config,
-            tmp_path,
-            train=lambda start: stream,
-            validation=shared.pictures.validation,
-            show_progress=False,
+            config, tmp_path, train=lambda start: stream, validation=shared.pictures.validation, show_progress=False
         )
     # fit works its rates out within the graph, which may round otherwise in the last place.
     assert run.metrics["mre"] == pytest.approx(outcome.mre, rel=1e-3)

@@ -143,6 +143,7 @@ class TrainingLoop:
             total=self.config.steps,
             unit="step",
             smoothing=0,
+            miniters=1,
             disable=not show_progress,
         )
         try:
