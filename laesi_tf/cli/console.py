@@ -22,8 +22,7 @@ def run_command(main: Callable[[Sequence[str]], None]) -> None:
         _print_message(f"error: {error}")
         raise SystemExit(2) from None
     except KeyboardInterrupt as interruption:
-        if str(interruption):
-            _print_message(str(interruption))
+        _print_message(str(interruption) or "interrupted")
         raise SystemExit(130) from None
 
 
