@@ -43,7 +43,7 @@ def test_it_trains_on_live_scenes(tmp_path, capsys, task):
     ("flags", "message"),
     [
         (["--backbone=smal"], "did you mean 'small'"),
-        (["--size=8"], "size = '8' must be a number between 32 and 4096"),
+        (["--size=8"], "size = 8 must be a number between 32 and 4096"),
         (["--steps=ten"], "argument --steps: 'ten' is not a whole number"),
         (["--bakbone=small"], "unrecognized arguments"),
         (["--config=absent.toml"], "cannot read configuration absent.toml"),
