@@ -174,7 +174,7 @@ def format_default(value: Any) -> str:
         return ""
     if isinstance(value, list | tuple):
         return ("x" if all(type(item) is int for item in value) else ", ").join(map(str, value))
-    return value
+    return str(value)
 
 
 def _check_value(field: dataclasses.Field[Any], value: Any) -> Any:
