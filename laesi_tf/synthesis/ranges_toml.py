@@ -16,14 +16,13 @@ A file names the preset that it starts from and what it changes; everything else
 """
 
 import dataclasses
-import difflib
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.schema import check_choice, check_integer, check_key, check_number, read_toml
 from laesi_tf.synthesis.leaf.veins import MAX_SECONDARY_VEINS
 from laesi_tf.synthesis.presets import PRESETS, RENDERING_2
 from laesi_tf.synthesis.ranges import Probability, fields_of
@@ -80,23 +79,14 @@ def load_ranges(source: str | Path | Ranges | Mapping[str, Any]) -> Ranges:
     path = Path(source)
     if path.suffix != ".toml":
         raise InputError(f"unknown ranges {str(source)!r}; use {' or '.join(PRESETS)}, or a .toml file")
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(
-            f"cannot read ranges from {path}: {error}; see --help of laesi_tf.preview"
-        ) from error
-    return _apply_table(table, path)
+    return _apply_table(read_toml(path, what="ranges"), path)
 
 
 def _apply_table(table: dict[str, Any], path: Path) -> Ranges:
-    base = table.pop("base", "rendering_2")
-    if base not in PRESETS:
-        raise InputError(f"{path}: base = {base!r} is unknown; use {' or '.join(PRESETS)}")
-    start = PRESETS[base]
+    start = PRESETS[check_choice(f"{path}: base", table.pop("base", "rendering_2"), PRESETS)]
     changes: dict[str, Any] = {}
     for key, value in table.items():
-        _require_known(key, (*PARTS, "leaf", "lighting_passes", "without"), f"{path}:")
+        check_key(key, (*PARTS, "leaf", "lighting_passes", "without"), where=f"{path}:")
         if key == "leaf":
             changes[key] = _parse_kinds(start.leaf, _require_table(value, f"{path}: [leaf]"), path)
         elif key in PARTS:
@@ -110,26 +100,22 @@ def _apply_table(table: dict[str, Any], path: Path) -> Ranges:
 
 def _parse_setting(key: str, value: Any, path: Path) -> Any:
     if key == "lighting_passes":
-        if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-            raise InputError(f"{path}: lighting_passes = {value!r} must be a whole number from 1 up")
-        return value
+        return check_integer(f"{path}: lighting_passes", value, low=1)
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
         raise InputError(f"{path}: without = {value!r} must be a list of components")
     for name in value:
-        _require_known(name, COMPONENTS, f"{path}: without:")
+        check_key(name, COMPONENTS, where=f"{path}: without:")
     return frozenset(value)
 
 
 def _parse_kinds(start: Mapping[str, Any], table: dict[str, Any], path: Path) -> dict[str, Any]:
     kinds = dict(start)
     for name, changes in table.items():
-        _require_known(name, tuple(kinds), f"{path}: [leaf]")
+        check_key(name, kinds, where=f"{path}: [leaf]")
         weight, kind = kinds[name]
         changes = dict(_require_table(changes, f"{path}: [leaf.{name}]"))
-        weight = changes.pop("weight", weight)
-        if not isinstance(weight, int | float) or weight < 0:
-            raise InputError(f"{path}: [leaf.{name}] weight = {weight!r} must be a number from 0 up")
-        kinds[name] = (float(weight), _parse_params(kind, changes, f"{path}: [leaf.{name}]"))
+        weight = check_number(f"{path}: [leaf.{name}] weight", changes.pop("weight", weight), low=0)
+        kinds[name] = (weight, _parse_params(kind, changes, f"{path}: [leaf.{name}]"))
     if not sum(weight for weight, _ in kinds.values()):
         raise InputError(f"{path}: [leaf] every weight is 0; give at least one kind of leaf a weight")
     return {name: kind for name, kind in kinds.items() if kind[0] > 0}
@@ -139,7 +125,7 @@ def _parse_params(start: Any, table: dict[str, Any], where: str) -> Any:
     known = fields_of(start)
     changes = {}
     for key, value in table.items():
-        _require_known(key, tuple(known), where)
+        check_key(key, known, where=where)
         changes[key] = _parse_range(value, known[key], f"{where} {key}")
         if key in _RENDERABLE:
             _require_within(_RENDERABLE[key], changes[key], f"{where} {key}")
@@ -150,7 +136,7 @@ def _parse_range(value: Any, start: Any, where: str) -> Any:
     """Parse one range: a probability where `start` is one, otherwise a number or an interval."""
     if isinstance(start, Probability):
         chance = value.get("chance") if isinstance(value, dict) else None
-        if not isinstance(chance, int | float) or not 0 <= chance <= 1:
+        if not _is_number(chance) or not 0 <= chance <= 1:
             raise InputError(f"{where} = {value!r} must be {{chance = p}} with p from 0 to 1")
         return Probability(float(chance))
     if _is_number(value):
@@ -175,10 +161,3 @@ def _require_table(value: Any, where: str) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InputError(f"{where} must be a table of ranges, not {value!r}")
     return value
-
-
-def _require_known(key: str, known: tuple[str, ...], where: str) -> None:
-    if key not in known:
-        near = difflib.get_close_matches(key, known, 1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
-        raise InputError(f"{where} unknown key {key!r}; {hint}")
