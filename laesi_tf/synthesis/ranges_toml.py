@@ -19,7 +19,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.schema import check_choice, check_integer, check_key, check_number, read_toml
@@ -153,7 +153,7 @@ def _require_within(limits: tuple[float, float], drawn: Any, where: str) -> None
         raise InputError(f"{where} = {drawn} cannot be drawn; stay within {limits[0]:g} to {limits[1]:g}")
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
