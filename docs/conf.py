@@ -40,6 +40,7 @@ templates_path = ["_templates"]
 
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
+highlight_language = "none"
 
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
@@ -54,6 +55,8 @@ html_title = "laesi_tf"
 html_static_path = ["_static"]
 html_css_files = ["laesi.css"]
 html_show_sourcelink = False
+# Pages without neighbours have no section to navigate.
+html_sidebars = {page: [] for page in ("results/index", "contributing", "changelog")}
 html_theme_options = {
     "navbar_align": "left",
     "show_prev_next": False,
