@@ -1,6 +1,6 @@
 """Render leaf.jpg, a synthetic photo of known area, and its manifest: `python docs/sample/make_leaf.py`.
 
-Another version of the renderer makes another picture; tests/test_readme.py then needs the new figures.
+Another version of the renderer makes another picture; tests/test_documentation.py then needs the new figures.
 """
 
 import csv
