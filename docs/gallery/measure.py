@@ -28,7 +28,7 @@ print(f"{leaf.length_mm:.1f} × {leaf.width_mm:.1f} mm at {leaf.px_per_mm:.2f} p
 print(f"tilt {measurement.tilt_deg:.0f}°, method: {measurement.method}")
 
 # %%
-# ``to_mm`` is the homography that was fitted to the ruling. Drawn as a lattice of 10 mm it must lie on the
+# ``to_mm`` is the homography that was fitted to the ruling. Drawn as a grid of 10 mm it must lie on the
 # printed lines.
 
 overlay = draw_grid(image, measurement.to_mm)
