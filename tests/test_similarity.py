@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes import only
 
 from laesi_tf import similarity
 from laesi_tf.common.errors import InputError
@@ -92,7 +93,10 @@ def test_sets_come_as_folders_manifests_and_records(tmp_path: Path) -> None:
     assert len(images) == 2 and names == ["0.png", "5.png"]  # the last of the three is the broken one
     listed = folder(tmp_path / "listed", [0, 50, 100], manifest=True)
     assert load_images(find_images(listed, split="val"), size=SIZE, count=9)[1] == ["1.png"]
-    generate(["--count", "6", "--per-shard", "4", "--size", "48", "--out", str(tmp_path / "records")])
+    ranges = tmp_path / "simple.toml"
+    ranges.write_text(f"without = {sorted(only('ruling').without)}\n")
+    options = ["--count", "6", "--per-shard", "4", "--size", "48", "--ranges", str(ranges)]
+    generate([*options, "--out", str(tmp_path / "records")])
     images, names, _ = load_images(find_images(tmp_path / "records"), size=SIZE, count=3)
     assert images.shape == (3, *SIZE, 3) and names == ["image 0", "image 2", "image 5"]
 
@@ -139,9 +143,9 @@ def test_similar_sets_have_higher_cosines(weights: Path, tmp_path: Path, capsys)
         out = tmp_path / name
         network = ["--network", "small", "--weights", str(weights)]
         similarity.main(
-            [str(reds), str(other), *network, "--out", str(out), "--json", str(out / "metrics.json")]
+            [str(reds), str(other), *network, "--out", str(out), "--json", str(tmp_path / f"{name}.json")]
         )
-        figures[name] = json.loads((out / "metrics.json").read_text())
+        figures[name] = json.loads((tmp_path / f"{name}.json").read_text())
         assert {path.name for path in out.iterdir()} >= {"violins.png", "umap.png", "pairs.png"}
         assert len((out / "similarity.csv").read_text().splitlines()) == 5
     assert "small.weights.h5" in capsys.readouterr().out
