@@ -1,7 +1,7 @@
-"""Show the scenes that --ranges make, before training on them.
+"""Render scenes of --ranges as contact sheets, to look at before training on them.
 
-scenes.png shows different leaves (with --photos beside real ones), components.png one scene with each
-component added in turn, passes.png leaves in different light, masks.png outlines and labels.
+scenes.png shows different leaves (next to photos with --photos), components.png one scene with each component
+added in turn, passes.png leaves in different light, masks.png outlines and labels.
 """
 
 import argparse
@@ -40,43 +40,45 @@ def main(arguments: Sequence[str]) -> None:
     for path in (options.out / "scenes.png", options.json):
         if path is not None:
             require_writable(path)
-    shown = render_scenes(ranges, seed=options.seed, count=options.count, size=options.size)
+    scenes = render_scenes(ranges, seed=options.seed, count=options.count, size=options.size)
     sheets = {
-        "scenes.png": [*photo_tiles(photos[:COLUMNS], options.size), *scene_tiles(shown)],
+        "scenes.png": [*photo_tiles(photos[:COLUMNS], options.size), *scene_tiles(scenes)],
         "components.png": component_tiles(ranges, seed=options.seed, size=options.size),
         "passes.png": lighting_tiles(ranges, seed=options.seed, size=options.size),
-        "masks.png": mask_tiles(shown),
+        "masks.png": mask_tiles(scenes),
     }
     columns = {"passes.png": PASSES}
     for name, tiles in sheets.items():
         write_png(options.out / name, make_contact_sheet(tiles, columns=columns.get(name, COLUMNS)))
     files = [str(options.out / name) for name in sheets]
     if options.json is not None:
-        write_json(options.json, {"files": files, "scenes": [picture.label for picture in shown]})
+        write_json(options.json, {"files": files, "scenes": [scene.label for scene in scenes]})
     print("\n".join(files))
 
 
-def _print_ranges(ranges: Ranges, figures: Path | None) -> None:
+def _print_ranges(ranges: Ranges, json_path: Path | None) -> None:
     text = ranges_to_toml(ranges)
-    if figures is not None:
-        write_json(figures, tomllib.loads(text))
+    if json_path is not None:
+        write_json(json_path, tomllib.loads(text))
     print(text, end="")
 
 
 def _parser() -> argparse.ArgumentParser:
-    made = make_parser("preview", __doc__)
-    made.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="where scenes come from")
-    made.add_argument("--seed", type=int, default=0, help="seed of the scenes")
-    made.add_argument("--count", type=_count_argument, default=24, metavar="N", help="scenes to show")
-    made.add_argument(
-        "--size", type=_side_argument, default=384, metavar="PX", help="side of a picture in pixels"
+    parser = make_parser("preview", __doc__)
+    parser.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges of the scenes")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the scenes")
+    parser.add_argument("--count", type=_count_argument, default=24, metavar="N", help="number of scenes")
+    parser.add_argument(
+        "--size", type=_side_argument, default=384, metavar="PX", help="side of an image in pixels"
     )
-    made.add_argument("--photos", type=Path, metavar="CSV", help="manifest whose first photos are shown too")
-    made.add_argument("--out", type=Path, default=Path("preview"), metavar="DIR", help="the pictures' folder")
-    made.add_argument(
-        "--print-ranges", action="store_true", help="print --ranges as TOML to edit, and make no pictures"
+    parser.add_argument(
+        "--photos", type=Path, metavar="CSV", help="manifest whose first photos are shown as well"
     )
-    return made
+    parser.add_argument("--out", type=Path, default=Path("preview"), metavar="DIR", help="output folder")
+    parser.add_argument(
+        "--print-ranges", action="store_true", help="print --ranges as TOML to edit, render nothing"
+    )
+    return parser
 
 
 def _count_argument(text: str) -> int:

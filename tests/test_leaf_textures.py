@@ -1,6 +1,8 @@
 """Reliefs of leaf photos."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,16 +25,16 @@ def skin(side: int, *, depth: float = 0.2, shade: float = 0.0) -> np.ndarray:
     return np.clip(GREEN * (ridges * light)[..., None], 0, 255)
 
 
-def save(path: Path, picture: np.ndarray) -> Path:
+def save(path: Path, image: np.ndarray) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.round(picture).astype(np.uint8)).save(path)
+    Image.fromarray(np.round(image).astype(np.uint8)).save(path)
     return path
 
 
 def on_paper(leaf: np.ndarray, ground: tuple[int, int, int] = (240, 238, 230)) -> np.ndarray:
-    picture = np.full((300, 400, 3), ground, float)
-    picture[60 : 60 + len(leaf), 150 : 150 + len(leaf)] = leaf
-    return picture
+    image = np.full((300, 400, 3), ground, float)
+    image[60 : 60 + len(leaf), 150 : 150 + len(leaf)] = leaf
+    return image
 
 
 def test_relief_is_kept_and_light_and_colour_are_not(tmp_path: Path) -> None:
@@ -86,6 +88,21 @@ def test_folders_without_leaves(tmp_path: Path) -> None:
     save(tmp_path / "paper.png", np.full((100, 100, 3), 240.0))
     with pytest.raises(InputError, match=r"none of the 1 photos.*paper\.png"):
         load_textures(tmp_path)
+
+
+@pytest.mark.parametrize("convert", [np.asarray, tf.constant, tf.Variable])
+def test_arrays_tensors_and_variables_serve_as_textures_in_graphs(
+    convert: Callable[[np.ndarray], Any],
+) -> None:
+    textures = convert(np.random.default_rng(0).uniform(0.5, 1.5, (2, 32, 32, 3)).astype(np.float32))
+    render = tf.function(lambda index: synthesise(2, size=(64, 64), index=index, textures=textures)["image"])
+    expected = synthesise(2, size=(64, 64), index=4, textures=tf.constant(textures))["image"]
+    assert difference(render(tf.constant(4, tf.int64)), expected).max() <= 1
+
+
+def test_textures_of_another_shape_are_refused() -> None:
+    with pytest.raises(ValueError, match="textures has shape"):
+        synthesise(2, size=(64, 64), textures=np.ones((32, 32, 3), np.float32))
 
 
 def test_textures_change_the_leaf_and_nothing_else() -> None:

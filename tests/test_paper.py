@@ -1,4 +1,4 @@
-"""The sheet and its ruling against direct evaluation, and measured on pictures."""
+"""The sheet and its ruling against direct evaluation, and measured on images."""
 
 import colorsys
 import dataclasses
@@ -34,7 +34,9 @@ from laesi_tf.synthesis.ranges import Probability
 UNIT = st.floats(0, 1, width=32)
 
 
-def line(position: np.ndarray, pitch: float, width: float, spread: float, footprint: float) -> np.ndarray:
+def blurred_line(
+    position: np.ndarray, pitch: float, width: float, spread: float, footprint: float
+) -> np.ndarray:
     """Coverage by lines of `width` every `pitch` mm: the integral of what blurs them, without a series."""
     fine = np.arange(-200 * 20, 200 * 20 + 1) / 2000
     pixel = np.clip(1 - np.abs(fine) / footprint, 0, None)
@@ -50,7 +52,7 @@ def test_line_profiles_are_blurred_lines(footprint: float) -> None:
     found = line_profiles(sheet, 20, tf.constant(footprint)).numpy()
     position = (np.arange(200) + 0.5) / 20
     for row, (pitch, width) in zip(found, ((1, 0.2), (5, 0.3), (10, 0.4)), strict=True):
-        np.testing.assert_allclose(row, line(position, pitch, width, 0.08, footprint), atol=0.02)
+        np.testing.assert_allclose(row, blurred_line(position, pitch, width, 0.08, footprint), atol=0.02)
 
 
 def test_wide_ink_leaves_the_papers_single_sine() -> None:
@@ -72,7 +74,9 @@ def test_a_grid_finer_than_the_pixels_fades_to_its_mean() -> None:
     assert swing[0.1] > 0.9 and 0.1 < swing[0.5] < 0.5 and swing[1.0] < 0.01
 
 
-def ruling(sheet: PaperParams, x: np.ndarray, y: np.ndarray, samples: int, footprint: float) -> np.ndarray:
+def absorbance_at(
+    sheet: PaperParams, x: np.ndarray, y: np.ndarray, samples: int, footprint: float
+) -> np.ndarray:
     """Absorbance [3, H, W] at `x` and `y` [H, W] mm."""
     passing = pack_line_transmission(sheet, samples, tf.constant(footprint))
     where = ruling_cells(sheet, samples, tf.constant(x, tf.float32), tf.constant(y, tf.float32))
@@ -80,19 +84,19 @@ def ruling(sheet: PaperParams, x: np.ndarray, y: np.ndarray, samples: int, footp
     return compute_ink_absorbance(sheet, *lines).numpy()
 
 
-def one_period(sheet: PaperParams, samples: int, footprint: float) -> np.ndarray:
+def absorbance_of_one_period(sheet: PaperParams, samples: int, footprint: float) -> np.ndarray:
     """Absorbance [3, n, n] over one period from its beginning, rows along y."""
     at_start = dataclasses.replace(sheet, phase_x=tf.constant(0.0), phase_y=tf.constant(0.0))
     places = (np.arange(10 * samples) + 0.5) / samples
-    return ruling(at_start, *np.meshgrid(places, places), samples, footprint)
+    return absorbance_at(at_start, *np.meshgrid(places, places), samples, footprint)
 
 
 @settings(max_examples=10, deadline=None)
 @given(x=st.floats(-300, 300), y=st.floats(-300, 300), phase=st.floats(0, 10))
 def test_ruling_is_the_tile_repeated(x: float, y: float, phase: float) -> None:
     sheet = middle(PaperParams(), has_5mm=True, has_10mm=True, phase_x=phase, phase_y=3.0)
-    tile = one_period(sheet, 40, 0.3)
-    found = ruling(sheet, np.array([[x]]), np.array([[y]]), 40, 0.3)[:, 0, 0]
+    tile = absorbance_of_one_period(sheet, 40, 0.3)
+    found = absorbance_at(sheet, np.array([[x]]), np.array([[y]]), 40, 0.3)[:, 0, 0]
     row, column = (int(np.floor((place % 10) * 40)) % 400 for place in (y + 3, x + phase))
     around = [
         tile[:, (row + i) % 400, (column + j) % 400] for i, j in itertools.product((-1, 0, 1), repeat=2)
@@ -102,18 +106,18 @@ def test_ruling_is_the_tile_repeated(x: float, y: float, phase: float) -> None:
 
 def test_lines_of_either_axis_run_along_it() -> None:
     sheet = middle(PaperParams(), has_5mm=False, has_10mm=False, strength_10mm=0.0, ink_spread_mm=0.02)
-    tile = one_period(sheet, 20, 0.05).max(axis=0)
+    tile = absorbance_of_one_period(sheet, 20, 0.05).max(axis=0)
     between_lines, on_line = tile[10, 10], (tile[0, 10], tile[10, 0])
     assert min(on_line) > between_lines + 0.1
 
 
 def test_a_sheet_has_5_or_10_mm_lines() -> None:
     without = middle(PaperParams(), has_5mm=False, has_10mm=False, strength_1mm=0.0)
-    assert np.ptp(one_period(without, 20, 0.1)) > 0.05
+    assert np.ptp(absorbance_of_one_period(without, 20, 0.1)) > 0.05
 
 
-def bare(**camera: object) -> Ranges:
-    """One millimetre lines on an untilted sheet in line with the picture."""
+def ranges_of_bare_sheet(**camera: object) -> Ranges:
+    """Return ranges of 1 mm lines on an untilted sheet, parallel to the image borders."""
     lines = {"width_1mm": (0.25, 0.3), "strength_1mm": (0.9, 1.0), "strength_10mm": 0.0}
     ink = {
         "ink_spread_mm": 0.03,
@@ -127,7 +131,7 @@ def bare(**camera: object) -> Ranges:
 
 def test_measured_pitch_is_the_scale() -> None:
     for index in range(4):
-        made = synthesise(3, size=(512, 512), ranges=bare(farthest_mm=150), index=index)
+        made = synthesise(3, size=(512, 512), ranges=ranges_of_bare_sheet(farthest_mm=150), index=index)
         leafless = ~made["mask"].numpy().any(axis=1)
         signal = made["image"].numpy()[leafless].astype(float).mean(axis=(0, 2))
         window = np.hanning(512)
@@ -139,23 +143,23 @@ def test_measured_pitch_is_the_scale() -> None:
 
 
 def test_a_distant_grid_does_not_alias() -> None:
-    ranges = bare(farthest_mm=230, closest_mm=230, fill=0.1)
+    ranges = ranges_of_bare_sheet(farthest_mm=230, closest_mm=230, fill=0.1)
     made = synthesise(3, size=(224, 224), ranges=ranges, index=0)
     assert float(made["px_per_mm"]) < 1
     sheet = made["image"].numpy()[made["mask"].numpy() == 0].astype(float)
-    near = synthesise(3, size=(224, 224), ranges=bare(farthest_mm=70, closest_mm=70), index=0)
+    near = synthesise(3, size=(224, 224), ranges=ranges_of_bare_sheet(farthest_mm=70, closest_mm=70), index=0)
     lined = near["image"].numpy()[near["mask"].numpy() == 0].astype(float)
     assert sheet.std(axis=0).max() < 2.5 and lined.std(axis=0).max() > 8
 
 
 @settings(max_examples=30, deadline=None)
 @given(hue=UNIT, saturation=UNIT)
-def test_tint_is_the_colour_wheel(hue: float, saturation: float) -> None:
+def test_hsv_to_rgb_equals_colorsys(hue: float, saturation: float) -> None:
     found = colour.hsv_to_rgb(tf.constant(hue), tf.constant(saturation))
     np.testing.assert_allclose(found, colorsys.hsv_to_rgb(hue, saturation, 1), atol=1e-4)
 
 
-def test_margin_is_the_distance_from_the_sheets_nearest_side() -> None:
+def test_distance_to_sheet_edge_is_that_to_the_nearest_side() -> None:
     sheet = middle(PaperParams(), left=10.0, right=20.0, top=5.0, bottom=40.0)
     leaf = tf.constant([[-30.0, -10.0], [30.0, 10.0], [0.0, 4.0]])
     x, y = np.meshgrid(np.linspace(-60, 80, 15), np.linspace(-30, 70, 11))
@@ -164,7 +168,7 @@ def test_margin_is_the_distance_from_the_sheets_nearest_side() -> None:
     np.testing.assert_allclose(found, sides.min(axis=0), atol=1e-4)
 
 
-def test_wear_thins_the_ink_and_noise_has_its_weights() -> None:
+def test_wear_weakens_the_ink_and_noise_has_its_weights() -> None:
     still = middle(PaperParams(), gradient_weight=0.0, voronoi_weight=0.0, simple_weight=0.0, print_wear=0.0)
     blend, strength = paper_noise(still, sample_sheet_noise_grids(RandomStreams(0, 0)), (40, 60))
     assert not blend.numpy().any() and (strength.numpy() == 1).all()
@@ -174,7 +178,7 @@ def test_wear_thins_the_ink_and_noise_has_its_weights() -> None:
     assert 0.05 < np.abs(blend.numpy()).max() < 0.5
 
 
-def test_crease_is_a_lit_and_a_shaded_flank() -> None:
+def test_crease_has_a_brighter_and_a_darker_flank() -> None:
     sheet = middle(PaperParams(), crease_angle=0.0, crease_offset=0.1, crease_depth=0.1)
     x = np.linspace(-20, 40, 601, dtype=np.float32)[None]
     shade = crease_shading(sheet, tf.constant(x), tf.zeros_like(x), tf.constant(100.0)).numpy()[0]
@@ -184,7 +188,7 @@ def test_crease_is_a_lit_and_a_shaded_flank() -> None:
     assert 0.06 < shade.max() < 0.1
 
 
-def test_defaults_stay_within_the_noise_lattices() -> None:
+def test_defaults_stay_within_the_noise_grids() -> None:
     sheet = RENDERING_2.paper
     assert sheet.simple_cells[1] <= _SIMPLE_NODES - 3
     assert sheet.gradient_cells[1] <= _GRADIENT_NODES - 1

@@ -1,16 +1,17 @@
-"""Named ranges, TOML files of ranges, and what is wrong with them."""
+"""Named ranges, TOML files of ranges, and their errors."""
 
 import dataclasses
 from pathlib import Path
 
 import pytest
-from scenes import RENDERING_2, ROOMS, bounds, specs
+from scenes import RENDERING_2, bounds, specs
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.synthesis import Ranges, load_ranges, synthesise
 from laesi_tf.synthesis.presets import PRESETS, enable_all_components
 from laesi_tf.synthesis.ranges import Probability, fields_of
 from laesi_tf.synthesis.ranges_toml import ranges_to_toml
+from laesi_tf.synthesis.scene import PARTS
 
 
 def written(folder: Path, text: str) -> Path:
@@ -20,12 +21,14 @@ def written(folder: Path, text: str) -> Path:
 
 
 def same(one: Ranges, other: Ranges) -> bool:
-    """Whether two Ranges draw the same; a number alone is the same as a range of no width."""
+    """Return whether two Ranges sample alike; a single number equals an interval of no width."""
     flat = [
-        [(room, field, isinstance(spec, Probability), spec.p if isinstance(spec, Probability) else bounds(spec))
-         for room, field, spec in specs(ranges)]
+        [
+            (part, field, spec if isinstance(spec, Probability) else bounds(spec))
+            for part, field, spec in specs(ranges)
+        ]
         for ranges in (one, other)
-    ]  # fmt: skip
+    ]
     weights = [[weight for weight, _ in ranges.leaf.values()] for ranges in (one, other)]
     rest = [(ranges.lighting_passes, ranges.without) for ranges in (one, other)]
     return flat[0] == flat[1] and weights[0] == weights[1] and rest[0] == rest[1]
@@ -79,7 +82,7 @@ def test_a_file_changes_only_what_it_names(tmp_path: Path) -> None:
     assert "spiny" not in read.leaf and read.leaf["beech"] == base.leaf["beech"]
     weight, oak = read.leaf["oak"]
     assert weight == 3 and oak == dataclasses.replace(base.leaf["oak"][1], length_mm=(60.0, 120.0))
-    assert [getattr(read, room) for room in ROOMS[1:]] == [getattr(base, room) for room in ROOMS[1:]]
+    assert [getattr(read, part) for part in PARTS[1:]] == [getattr(base, part) for part in PARTS[1:]]
 
 
 BAD = {
@@ -132,7 +135,7 @@ def test_presets_survive_being_written_and_read(name: str, tmp_path: Path) -> No
 
 
 def test_kinds_left_out_are_written_in_one_order() -> None:
-    """Data sets keep this text and are continued only with the same: it must not hang on hashes."""
+    """Data sets store this text and are continued only with the same text, so hash seeds must not matter."""
     name, one = next(iter(RENDERING_2.leaf.items()))
     lines = ranges_to_toml(dataclasses.replace(RENDERING_2, leaf={name: one})).splitlines()
     kinds = [line[6:-1] for line in lines if line.startswith("[leaf.")]

@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tensorflow as tf
-from scenes import complete, filled, middle
+from scenes import changed, complete, filled, middle
 
-from laesi_tf.synthesis import load_ranges, sample_scene
-from laesi_tf.synthesis.props.handwriting import handwriting_stroke
-from laesi_tf.synthesis.props.params import PropsParams
+from laesi_tf.synthesis import Ranges, load_ranges, sample_scene
+from laesi_tf.synthesis.props.handwriting import HandwritingParams, handwriting_stroke
 from laesi_tf.synthesis.props.placement import PropContext, place_beside_leaf
 from laesi_tf.synthesis.props.registry import PROPS
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
-from laesi_tf.synthesis.ranges import Probability, _low_bits, field_count, sample_params
+from laesi_tf.synthesis.random_streams import RandomStreams
+from laesi_tf.synthesis.ranges import Probability
 from laesi_tf.synthesis.renderer import compute_layout, draw_props
 from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout, leaf_edges
@@ -34,9 +33,10 @@ def lay_out(index: int) -> tuple[Scene, SceneLayout, np.ndarray]:
     return scene, layout, np.abs(coverage.numpy()) > 0.01
 
 
-def draw(name: str, scene: Scene, layout: SceneLayout) -> np.ndarray:
+def draw(name: str, scene: Scene, layout: SceneLayout, ranges: Ranges = RANGES) -> np.ndarray:
     """Return the image [3, H, W] of one prop."""
-    return draw_props(BRIGHT, scene, layout, SIZE, (name,)).numpy()
+    alone = dataclasses.replace(scene, props={name: scene.props[name]})
+    return draw_props(BRIGHT, alone, layout, SIZE, ranges).numpy()
 
 
 @pytest.mark.parametrize("name", PROPS)
@@ -45,16 +45,18 @@ def test_prop_is_seen_and_never_covers_the_leaf(name: str) -> None:
     for index in range(8):
         scene, layout, leaf = lay_out(index)
         image = draw(name, scene, layout)
-        changed = (np.abs(image - 2) > 1e-4).any(axis=0)
-        assert not (changed & leaf).any()
+        is_changed = (np.abs(image - 2) > 1e-4).any(axis=0)
+        assert not (is_changed & leaf).any()
         assert np.isfinite(image).all() and image.min() >= -1e-4
-        covered.append(changed.sum())
+        covered.append(is_changed.sum())
     assert max(covered) > 20
 
 
 def test_without_props_nothing_is_drawn() -> None:
     scene, layout, _ = lay_out(0)
-    np.testing.assert_array_equal(draw_props(BRIGHT, scene, layout, SIZE, ()), BRIGHT)
+    np.testing.assert_array_equal(
+        draw_props(BRIGHT, dataclasses.replace(scene, props={}), layout, SIZE, RANGES), BRIGHT
+    )
 
 
 @pytest.mark.parametrize("direction", np.linspace(-3, 3, 5).tolist())
@@ -74,7 +76,7 @@ def test_position_keeps_the_gap(direction: float) -> None:
 def test_writing_has_its_length_height_and_stroke() -> None:
     random = tf.constant(np.random.default_rng(0).uniform(size=32).astype(np.float32))
     word = handwriting_stroke(
-        random, tf.constant(30.0), tf.constant(3.0), middle(PropsParams(), stroke_mm=0.5)
+        random, tf.constant(30.0), tf.constant(3.0), middle(HandwritingParams(), stroke_mm=0.5)
     ).numpy()
     width, height = np.ptp(word, axis=0)
     assert 28 < width < 36 and 3 < height < 10
@@ -96,11 +98,11 @@ CALIBRATION = load_ranges(Path(__file__).parents[1] / "experiments" / "calibrati
 
 
 def test_calibration_square_is_whole_and_has_its_size_on_the_sheet() -> None:
-    """Counted on the sheet: each pixel that it covers has the size that the homography gives it there."""
+    """Measure it on the sheet, where the homography gives the size of each covered pixel."""
     for index in range(12):
         scene = sample_scene(8, index, CALIBRATION)
         layout = compute_layout(scene, SIZE)
-        image = draw("calibration", scene, layout)
+        image = draw("calibration", scene, layout, CALIBRATION)
         covered = (2 - image[1]) / (2 - image[1].min())
         assert not covered[[0, -1]].any() and not covered[:, [0, -1]].any()
         rows, columns = np.nonzero(covered)
@@ -111,26 +113,20 @@ def test_calibration_square_is_whole_and_has_its_size_on_the_sheet() -> None:
         assert found_mm2 == pytest.approx(400, rel=0.02)
 
 
-def test_the_square_moves_no_number_of_pictures_without_it() -> None:
-    """Its fields take no uniform number of their own, and its row of random numbers is the last."""
-    without_late = [field.name for field in dataclasses.fields(PropsParams) if "late" not in field.metadata]
-    uniform = tf.constant(
-        np.random.default_rng(0).uniform(size=field_count(PropsParams())).astype(np.float32)
-    )
-    assert len(uniform) == len(without_late) and list(PROPS)[-1] == "calibration"
-    drawn = sample_params(PropsParams(), uniform)
-    for name, number in zip(without_late, uniform.numpy(), strict=True):
-        spec = getattr(PropsParams(), name)
-        low, high = (spec.p - 1, spec.p) if isinstance(spec, Probability) else spec
-        value = np.float32(low) + number * (np.float32(high) - np.float32(low))
-        assert getattr(drawn, name).numpy() == (value >= 0 if isinstance(spec, Probability) else value), name
-    before, now = (RandomStreams(3, 7).uniform([rows, 80], Stream.PROPS).numpy() for rows in (5, 6))
-    np.testing.assert_array_equal(before, now[:5])
-
-
-def test_late_numbers_are_uniform_and_independent_of_those_they_are_made_from() -> None:
-    uniform = RandomStreams(0, 0).uniform([4000], Stream.SCENE)
-    low = _low_bits(uniform).numpy()
-    assert low.min() >= 0 and low.max() < 1
-    assert low.mean() == pytest.approx(0.5, abs=0.02) and low.var() == pytest.approx(1 / 12, rel=0.05)
-    assert abs(np.corrcoef(uniform.numpy(), low)[0, 1]) < 0.05
+@pytest.mark.parametrize("size", [(100, 150), (45, 45)])
+def test_sizes_beyond_the_defaults_are_filled(size: tuple[float, float]) -> None:
+    """A large card is filled like a small one: each of its rows from its first to its last pixel."""
+    low, high = size
+    ranges = changed(RANGES, "props", label_mm=size, label_aspect=0.7, gap_mm=2.0)
+    ranges = changed(ranges, "camera", fill=0.2, tilted=Probability(0.0))
+    for index in range(4):
+        scene = sample_scene(6, index, ranges)
+        layout = compute_layout(scene, SIZE)
+        image = draw("label", scene, layout, ranges)
+        assert np.isfinite(image).all() and image.min() >= -1e-4 and image.max() <= 2 + 1e-4
+        # The card is convex: along each row all pixels between its first and its last are covered.
+        covered = image.max(axis=0) < 1.5
+        for row in covered:
+            columns = np.nonzero(row)[0]
+            assert len(columns) == 0 or np.ptp(columns) + 1 == len(columns)
+        assert low <= float(scene.props["label"].label_mm) <= high

@@ -1,17 +1,30 @@
-"""Pictures as a whole: the label is true, at the extremes of every range too; each component shows."""
+"""Whole images: the label is true, also at the ends of every range; each component is visible."""
 
 import dataclasses
 import itertools
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import tensorflow as tf
-from scenes import RENDERING_2, ROOMS, bounds, changed, complete, difference, only, specs
+from scenes import (
+    RENDERING_2,
+    bounds,
+    changed,
+    complete,
+    difference,
+    only,
+    parts_of,
+    ranges_of_parts,
+    with_parts,
+)
 
+from laesi_tf.common.geometry import compute_px_per_mm, polygon_centroid
 from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render_scene, sample_scene, synthesise
+from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.random_streams import Stream
 from laesi_tf.synthesis.ranges import Probability, field_count, fields_of, sample_params_of_kind
 from laesi_tf.synthesis.renderer import compute_layout
@@ -20,11 +33,12 @@ from laesi_tf.synthesis.scene_layout import leaf_edges
 SINGLY = RENDERING_2.with_passes(1)
 FULL = complete()
 KINDS = [kind for _, kind in SINGLY.leaf.values()]
+ONE_KIND = dataclasses.replace(SINGLY, leaf=dict([next(iter(SINGLY.leaf.items()))]))
 SMALL = (96, 96)
 
 
 def mask_mm2(mask: np.ndarray, to_px: np.ndarray) -> float:
-    """Area on the sheet under the pixels of `mask` [H, W]: each pixel's size follows from the homography."""
+    """Return the area on the sheet of the pixels of `mask` [H, W], whose sizes follow from the homography."""
     rows, columns = np.nonzero(mask)
     pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))]).astype(np.float64)
     matrix = to_px.astype(np.float64)
@@ -57,56 +71,52 @@ def test_mask_and_label_agree_on_tilted_scenes() -> None:
 
 
 @pytest.fixture(scope="module")
-def pinned() -> Callable[..., dict[str, tf.Tensor]]:
-    """Picture `index` with leaf kind `kind` and number `which` of `specs` set to `value`."""
+def render_with() -> Callable[..., dict[str, tf.Tensor]]:
+    """Render image `index` with a leaf of `kind` and parameter number `which` set to `value`."""
 
-    @tf.function
-    def make(index: tf.Tensor, kind: tf.Tensor, which: tf.Tensor, value: tf.Tensor) -> dict[str, tf.Tensor]:
+    @tf.function(autograph=False)
+    def render(index: tf.Tensor, kind: tf.Tensor, which: tf.Tensor, value: tf.Tensor) -> dict[str, tf.Tensor]:
         scene = sample_scene(5, index, SINGLY)
-        uniform = scene.streams.uniform([field_count(KINDS[0])], Stream.SCENE)
+        uniform = scene.streams.uniform([field_count(KINDS[0])], Stream.LEAF)
         scene = dataclasses.replace(scene, leaf=sample_params_of_kind(KINDS, kind, uniform))
         return render_scene(_set(scene, which, value), (160, 160), SINGLY)
 
-    return make
+    return render
 
 
-def _numbered() -> Iterator[tuple[int, str, str]]:
-    """(number, room, field) of each field of a scene."""
-    places = [(room, field) for room in (*ROOMS, "leaf") for field in _fields(room)]
-    yield from ((number, room, field) for number, (room, field) in enumerate(places))
-
-
-def _fields(room: str) -> list[str]:
-    return list(fields_of(KINDS[0] if room == "leaf" else getattr(SINGLY, room)))
+def _fields() -> list[tuple[str, str]]:
+    """(part, field) of each parameter of a scene."""
+    return [(part, field) for part, ranges in ranges_of_parts(SINGLY).items() for field in fields_of(ranges)]
 
 
 def _set(scene: Scene, which: tf.Tensor, value: tf.Tensor) -> Scene:
-    rooms = {room: getattr(scene, room) for room in (*ROOMS, "leaf")}
-    for number, room, field in _numbered():
-        drawn = getattr(rooms[room], field)
-        chosen = value > 0.5 if drawn.dtype == tf.bool else value
-        rooms[room] = dataclasses.replace(rooms[room], **{field: tf.where(which == number, chosen, drawn)})
-    return dataclasses.replace(scene, **rooms)
+    parts = parts_of(scene)
+    for number, (part, field) in enumerate(_fields()):
+        sampled = getattr(parts[part], field)
+        chosen = value > 0.5 if sampled.dtype == tf.bool else value
+        parts[part] = dataclasses.replace(parts[part], **{field: tf.where(which == number, chosen, sampled)})
+    return with_parts(scene, parts)
 
 
 def _extremes() -> Iterator[tuple[str, int, int, float]]:
-    """(name, kind of leaf, number, value) at both ends of every range of every room and kind of leaf."""
-    number = {(room, field): n for n, room, field in _numbered()}
-    kinds = {f"leaf.{name}": k for k, name in enumerate(SINGLY.leaf)}
+    """(name, kind of leaf, number, value) at both ends of every range of every part and kind of leaf."""
     seen = set()
-    for place, (room, field, spec) in enumerate(specs(SINGLY)):
-        kind = kinds.get(room, place % len(KINDS))
-        which = number[room.split(".")[0], field]
-        for value in bounds(spec):
-            # Ends that several kinds of leaf share are looked at once.
-            if (which, value) not in seen:
-                yield f"{room}.{field} = {value}", kind, which, float(value)
-            seen.add((which, value))
+    for number, (part, field) in enumerate(_fields()):
+        kinds = range(len(KINDS)) if part == "leaf" else [number % len(KINDS)]
+        for kind in kinds:
+            ranges = KINDS[kind] if part == "leaf" else ranges_of_parts(SINGLY)[part]
+            for value in bounds(getattr(ranges, field)):
+                # Ends that several kinds of leaf share are checked once.
+                if (number, value) not in seen:
+                    yield f"{part}.{field} = {value}", kind, number, float(value)
+                seen.add((number, value))
 
 
-def test_pictures_at_the_extremes_of_every_range(pinned: Callable[..., dict[str, tf.Tensor]]) -> None:
+def test_images_at_the_extremes_of_every_range(render_with: Callable[..., dict[str, tf.Tensor]]) -> None:
     for index, (name, kind, which, value) in enumerate(_extremes()):
-        made = pinned(tf.constant(index, tf.int64), tf.constant(kind), tf.constant(which), tf.constant(value))
+        made = render_with(
+            tf.constant(index, tf.int64), tf.constant(kind), tf.constant(which), tf.constant(value)
+        )
         require_sound(
             name, *(made[key].numpy() for key in ("image", "mask", "area_cm2", "px_per_mm", "to_px"))
         )
@@ -115,12 +125,12 @@ def test_pictures_at_the_extremes_of_every_range(pinned: Callable[..., dict[str,
 def require_sound(
     name: str, image: np.ndarray, mask: np.ndarray, area_cm2: float, px_per_mm: float, to_px: np.ndarray
 ) -> None:
-    """Finite, in range, not empty, the leaf in one piece and inside the frame, mask and label alike."""
+    """Require finite numbers in range, the leaf in one piece within the image, mask and label that agree."""
     side = image.shape[0]
     assert image.std() > 0.5, name
     assert np.isfinite([area_cm2, px_per_mm, *to_px.ravel()]).all(), name
     assert 0.3 < area_cm2 < 250, name
-    # Tilt and the need to hold the leaf make the view wider than its limit; tilt makes it a little closer.
+    # Tilt and large leaves make the view wider than its limit; tilt makes it a little closer.
     assert side / 400 < px_per_mm < 1.1 * side / 70, name
     border = np.concatenate([mask[[0, -1]].ravel(), mask[:, [0, -1]].ravel()])
     assert set(np.unique(mask)) == {0, 1} and not border.any(), name
@@ -129,9 +139,25 @@ def require_sound(
 
 
 def largest_piece(mask: np.ndarray) -> float:
-    """Share of `mask` in its largest piece: petioles under a pixel wide may break off at this size."""
+    """Return the share of the largest piece of `mask`: petioles thinner than a pixel may be separate."""
     sizes = cv2.connectedComponentsWithStats(mask)[2][1:, cv2.CC_STAT_AREA]
     return sizes.max() / sizes.sum()
+
+
+@pytest.mark.parametrize("size", [(0, 64), (64,), (64.0, 64), (64, 64, 3)])
+def test_sizes_are_checked(size: Any) -> None:
+    with pytest.raises(ValueError, match="expected \\(height, width\\)"):
+        synthesise(0, size=size)
+
+
+def test_scale_is_that_at_the_centroid_of_the_leaf() -> None:
+    for index in range(12):
+        layout = compute_layout(sample_scene(6, index, SINGLY), (200, 300))
+        to_px = layout.view.to_px.numpy().astype(np.float64)
+        centroid = polygon_centroid(layout.outline.numpy().astype(np.float64))
+        in_image = cv2.perspectiveTransform(centroid.reshape(1, 1, 2), to_px)[0, 0]
+        expected = compute_px_per_mm(np.linalg.inv(to_px), in_image)
+        assert float(layout.view.px_per_mm) == pytest.approx(expected, rel=1e-4)
 
 
 def test_outline_lies_within_the_frame() -> None:
@@ -209,12 +235,11 @@ def test_seeds_and_indices_make_other_scenes() -> None:
     assert len(areas) == 6
 
 
-def test_numbers_are_drawn_from_their_ranges() -> None:
-    drawn = tf.function(lambda index: _flat(sample_scene(0, index, SINGLY)))
-    table = np.stack([drawn(tf.constant(index, tf.int64)).numpy() for index in range(400)])
-    columns = [(room, field) for room in ROOMS for field in _fields(room)]
-    for (room, field), values in zip(columns, table.T, strict=True):
-        spec = getattr(getattr(SINGLY, room), field)
+def test_parameters_are_sampled_from_their_ranges() -> None:
+    sample = tf.function(lambda index: _flatten(sample_scene(0, index, ONE_KIND)))
+    table = np.stack([sample(tf.constant(index, tf.int64)).numpy() for index in range(400)])
+    for (part, field), values in zip(_fields(), table.T, strict=True):
+        spec = getattr(ranges_of_parts(ONE_KIND)[part], field)
         if isinstance(spec, Probability):
             assert values.mean() == pytest.approx(spec.p, abs=0.1), field
             continue
@@ -224,9 +249,28 @@ def test_numbers_are_drawn_from_their_ranges() -> None:
         assert values.mean() == pytest.approx((low + high) / 2, abs=max(0.08 * (high - low), 1e-5)), field
 
 
-def _flat(scene: Scene) -> tf.Tensor:
-    values = [getattr(getattr(scene, room), field) for room in ROOMS for field in _fields(room)]
-    return tf.stack([tf.cast(value, tf.float32) for value in values])
+def _flatten(scene: Scene) -> tf.Tensor:
+    parts = parts_of(scene)
+    return tf.stack([tf.cast(getattr(parts[part], field), tf.float32) for part, field in _fields()])
+
+
+def test_parts_have_streams_of_their_own() -> None:
+    """A field more in one part changes no number of another; a longer part keeps its first numbers."""
+
+    @dataclasses.dataclass(frozen=True)
+    class LongerPaper(PaperParams[Any]):
+        watermark: Any = (0.0, 1.0)
+
+    longer = dataclasses.replace(SINGLY, paper=LongerPaper())
+    one, other = (parts_of(sample_scene(3, 5, ranges)) for ranges in (SINGLY, longer))
+    assert one.keys() == other.keys()
+    for part, params in one.items():
+        for field, value in fields_of(params).items():
+            assert value.numpy() == getattr(other[part], field).numpy(), (part, field)
+    values = [value.numpy() for params in one.values() for value in fields_of(params).values()]
+    numbers = [float(value) for value in values if value.dtype == np.float32]
+    # Each prop has its own direction, gap and turn: few values coincide, those of ranges of one number.
+    assert len(set(numbers)) >= len(numbers) - 8
 
 
 def test_kinds_of_leaves_come_as_often_as_their_weights() -> None:

@@ -20,7 +20,7 @@ RANDOM = RandomStreams(0, 0).normal([2, 9, veins.SECONDARY_STEPS + 2], Stream.VE
 
 
 def walk(start: tuple[float, float], heading: float, commands: list[tuple[float, float]]) -> np.ndarray:
-    """The turtle of the paper, one command after the other."""
+    """Walk the turtle of the paper, one command after the other."""
     path = [start]
     for turn, step in commands:
         heading += turn

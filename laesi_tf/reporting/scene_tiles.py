@@ -22,13 +22,15 @@ from laesi_tf.synthesis import COMPONENTS, Ranges, synthesise
 from laesi_tf.synthesis.presets import enable_all_components
 
 COLUMNS = 6
-_LEAVES, PASSES = 6, 4
+PASSES = 4
+_LEAVES = 6
 _CANDIDATES = 24
+"""Scenes among which that of `component_tiles` is chosen."""
 
 
 @dataclass(frozen=True)
 class RenderedScene:
-    """One picture `image` uint8 [H, W, 3], its `mask` uint8 [H, W] 0/1, and `label`: numbers by name."""
+    """A synthetic `image` uint8 [H, W, 3], its `mask` uint8 [H, W] 0/1, and its `label`: numbers by name."""
 
     image: np.ndarray
     mask: np.ndarray
@@ -36,28 +38,28 @@ class RenderedScene:
 
 
 def render_scenes(ranges: Ranges, *, seed: int, count: int, size: int) -> list[RenderedScene]:
-    """`count` different leaves, `size` pixels a side."""
-    singly = ranges.with_passes(1)
-    return [_render(singly, seed, index, size) for index in progress_bar(range(count), desc="scenes")]
+    """Render scenes with `count` different leaves, `size` pixels a side."""
+    one_pass = ranges.with_passes(1)
+    return [_render(one_pass, seed, index, size) for index in progress_bar(range(count), desc="scenes")]
 
 
 def component_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]:
-    """One scene [H, W, 3], captioned: leaf and sheet alone, then with each component that `ranges` allow.
+    """Render one scene with leaf and sheet only, then with each component of `ranges` added: tiles [H, W, 3].
 
-    The scene is the first in which every component can be seen, or of some the one that shows most.
+    The scene is the first in which every component is visible, or the one of 24 in which most are.
     """
     names = [name for name in _VISIBLE_ORDER if ranges.has(name)]
-    telling = _exaggerate_components(ranges)
+    strong = _exaggerate_components(ranges)
     best: list[np.ndarray] = []
     most = -1
-    for index in progress_bar(range(_CANDIDATES), desc="a scene that shows every component"):
+    for index in progress_bar(range(_CANDIDATES), desc="components"):
         stages = [
-            _render(_keep_components(telling, names[:n]), seed, index, size).image
+            _render(_keep_components(strong, names[:n]), seed, index, size).image
             for n in range(len(names) + 1)
         ]
-        seen = sum(_is_visibly_different(before, after) for before, after in itertools.pairwise(stages))
-        if seen > most:
-            best, most = stages, seen
+        visible = sum(_is_visibly_different(before, after) for before, after in itertools.pairwise(stages))
+        if visible > most:
+            best, most = stages, visible
         if most == len(names):
             break
     captions = ["leaf and sheet", *(f"+ {name.replace('_', ' ')}" for name in names)]
@@ -65,16 +67,16 @@ def component_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]
 
 
 def lighting_tiles(ranges: Ranges, *, seed: int, size: int) -> list[np.ndarray]:
-    """Leaves in rows, each under its lighting passes: captioned pictures [H, W, 3]."""
-    lit = ranges.with_passes(PASSES)
-    shown = [_render(lit, seed, i, size) for i in progress_bar(range(_LEAVES * PASSES), desc="passes")]
+    """Render leaves, each under its lighting passes: tiles [H, W, 3], one leaf per row of PASSES tiles."""
+    several = ranges.with_passes(PASSES)
+    scenes = [_render(several, seed, i, size) for i in progress_bar(range(_LEAVES * PASSES), desc="passes")]
     return [
-        add_caption(picture.image, [f"leaf {i // PASSES + 1}, light {i % PASSES + 1}"])
-        for i, picture in enumerate(shown)
+        add_caption(scene.image, [f"leaf {i // PASSES + 1}, light {i % PASSES + 1}"])
+        for i, scene in enumerate(scenes)
     ]
 
 
-# Relief before undulation: height that no light falls on cannot be seen.
+# Relief before undulation: without relief shading, height is invisible.
 _VISIBLE_ORDER = tuple(
     name
     for component in COMPONENTS
@@ -84,7 +86,7 @@ _VISIBLE_ORDER = tuple(
 
 
 def _exaggerate_components(ranges: Ranges) -> Ranges:
-    """`ranges` with every component present, strong, and within the frame."""
+    """Return `ranges` with every component present, strong, and within the image."""
     full = enable_all_components(ranges.with_passes(1))
     return dataclasses.replace(
         full,
@@ -101,34 +103,36 @@ def _keep_components(ranges: Ranges, names: Sequence[str]) -> Ranges:
 
 
 def _is_visibly_different(before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether an eye can tell two pictures [H, W, 3] apart: 3 of 256 levels in 0.2 % of the pixels."""
+    """Return whether two images [H, W, 3] differ visibly: by 3 of 256 levels in 0.2 % of the pixels."""
     change = np.abs(before.astype(np.int16) - after).max(axis=-1)
     return bool(np.mean(change >= 3) > 0.002)
 
 
 def _render(ranges: Ranges, seed: int, index: int, size: int) -> RenderedScene:
-    # Called eagerly: tracing a graph takes as long as two dozen pictures.
-    made = synthesise(seed, size=(size, size), ranges=ranges, index=index)
-    label = {name: made[name].numpy().item() for name in ("index", "area_cm2", "px_per_mm", "tilt_deg")}
-    return RenderedScene(made["image"].numpy(), made["mask"].numpy(), label)
+    # Called eagerly: tracing a graph takes as long as two dozen images.
+    sample = synthesise(seed, size=(size, size), ranges=ranges, index=index)
+    label = {name: sample[name].numpy().item() for name in ("index", "area_cm2", "px_per_mm", "tilt_deg")}
+    return RenderedScene(sample["image"].numpy(), sample["mask"].numpy(), label)
 
 
-def scene_tiles(shown: Sequence[RenderedScene]) -> list[np.ndarray]:
-    return [add_caption(picture.image, [f"scene {picture.label['index']}"]) for picture in shown]
+def scene_tiles(scenes: Sequence[RenderedScene]) -> list[np.ndarray]:
+    """Return the images of `scenes` with their index as caption."""
+    return [add_caption(scene.image, [f"scene {scene.label['index']}"]) for scene in scenes]
 
 
-def mask_tiles(shown: Sequence[RenderedScene]) -> list[np.ndarray]:
+def mask_tiles(scenes: Sequence[RenderedScene]) -> list[np.ndarray]:
+    """Return the images of `scenes` with the outline of the mask, and the label as caption."""
     tiles = []
-    for picture in shown:
-        polygons = trace_polygons(picture.mask > 0)
+    for scene in scenes:
+        polygons = trace_polygons(scene.mask > 0)
         outlines = [(ring, PREDICTED_COLOUR) for polygon in polygons for ring in polygon.rings]
-        caption = "{area_cm2:.2f} cm², {px_per_mm:.2f} px/mm, tilt {tilt_deg:.0f}°".format_map(picture.label)
-        tiles.append(add_caption(draw_outlines(picture.image, outlines), [caption]))
+        caption = "{area_cm2:.2f} cm², {px_per_mm:.2f} px/mm, tilt {tilt_deg:.0f}°".format_map(scene.label)
+        tiles.append(add_caption(draw_outlines(scene.image, outlines), [caption]))
     return tiles
 
 
 def photo_tiles(photos: Sequence[Photo], size: int) -> list[np.ndarray]:
-    """Real photos at the scenes' size; one that cannot be read is a blank tile that says so."""
+    """Return photos at the scenes' size; an unreadable photo is a blank tile with a message."""
     tiles = []
     for photo, image in prefetch(lambda photo: decode_photo(photo.image), photos):
         name = sanitise_text(Path(photo.name).name)

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import tensorflow as tf
 
-from laesi_tf.synthesis.geometry import ImageSize, require_shape
+from laesi_tf.synthesis.geometry import ImageSize, require_image_size, require_shape
 from laesi_tf.synthesis.ranges_toml import load_ranges
 from laesi_tf.synthesis.renderer import render_lighting_passes, render_scene
 from laesi_tf.synthesis.scene import COMPONENTS, Ranges, Scene, sample_lighting_passes, sample_scene
 
-SYNTHESIS_VERSION = 1
+SYNTHESIS_VERSION = 2
 """Changes whenever the image of a seed changes; data sets and runs store it."""
 
 __all__ = [
@@ -46,11 +46,12 @@ def synthesise(
     [N, T, T, 3], an array, tensor or variable relative to mean 1, blends photos of leaves into the colour C1
     (see `laesi_tf.data.leaf_textures`).
 
-    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's centroid)
-    and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), `kind` int32 []
-    (position of the leaf's kind in the ranges' `leaf`) and `index` int64 []. Raises InputError for unknown
-    ranges, ValueError for textures of another shape.
+    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area
+    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), `kind`
+    int32 [] (position of the leaf's kind in the ranges' `leaf`) and `index` int64 []. Raises InputError for
+    unknown ranges, ValueError for an invalid size or textures of another shape.
     """
+    require_image_size(size)
     loaded = load_ranges(ranges)
     index = tf.cast(index, tf.int64)
     scene = sample_scene(seed, index, loaded)
@@ -71,6 +72,7 @@ def synthesise_passes(
     As `synthesise`, with an axis [ranges.lighting_passes] before the others: the same images for less, as
     leaf and paper are rendered once. `first` is a multiple of the number of passes.
     """
+    require_image_size(size)
     loaded = load_ranges(ranges)
     first = tf.cast(first, tf.int64)
     scenes = sample_lighting_passes(seed, first, loaded)

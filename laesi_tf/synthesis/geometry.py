@@ -7,6 +7,7 @@ twin.
 
 from typing import TypeAlias
 
+import numpy as np
 import tensorflow as tf
 
 ImageSize: TypeAlias = tuple[int, int]
@@ -19,8 +20,15 @@ def require_shape(name: str, tensor: tf.Tensor, shape: tuple[int | None, ...]) -
         raise ValueError(f"{name} has shape {tensor.shape}; expected {list(shape)}")
 
 
+def require_image_size(size: ImageSize) -> None:
+    """Raise ValueError unless `size` is a pair of positive whole numbers."""
+    if len(size) != 2 or not all(isinstance(side, int | np.integer) and side > 0 for side in size):
+        raise ValueError(f"size is {size!r}; expected (height, width), both positive whole numbers of pixels")
+
+
 def project_points(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
     """Map `points` [..., 2] through `homography` [3, 3]."""
+    require_shape("homography", homography, (3, 3))
     flat = tf.reshape(points, [-1, 2])
     mapped = tf.linalg.matmul(flat, homography[:, :2], transpose_b=True) + homography[:, 2]
     return tf.reshape(mapped[:, :2] / mapped[:, 2:], tf.shape(points))
@@ -28,6 +36,7 @@ def project_points(homography: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
 
 def px_per_mm_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
     """Return pixels per mm at `point` [2] mm: the root of the Jacobian determinant, |det H| / w^3."""
+    require_shape("point", point, (2,))
     w = tf.reduce_sum(homography[2, :2] * point) + homography[2, 2]
     determinant = tf.reduce_sum(homography[0] * tf.linalg.cross(homography[1], homography[2]))
     return tf.sqrt(tf.abs(determinant) / tf.abs(w) ** 3)

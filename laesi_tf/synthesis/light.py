@@ -108,13 +108,14 @@ def illumination(light: LightParams[Scalar], grid: tf.Tensor, size: ImageSize) -
 
 
 def centred_coordinates(nodes: int, size: ImageSize) -> tuple[tf.Tensor, tf.Tensor]:
-    """Coordinates x [1, n] and y [n, 1] from the centre of the picture, in units of its longer side.
+    """Return x [1, n] and y [n, 1] of a grid's nodes from the image centre, in units of its longer side.
 
-    The lattice is a square over the longer side that begins where the picture does.
+    The grid is one that `noise.interpolate_grid` interpolates: a square over the longer side whose nodes 1
+    and n - 2 lie on the image borders.
     """
-    line = tf.linspace(-0.5, 0.5, nodes)
-    down, across = ((1 - side / max(size)) / 2 for side in size)
-    return line[None, :] + across, line[:, None] + down
+    positions = (tf.range(nodes, dtype=tf.float32) - 1) / (nodes - 3)
+    y, x = (positions - side / max(size) / 2 for side in size)
+    return x[None, :], y[:, None]
 
 
 def glass_reflection(light: LightParams[Scalar], size: ImageSize) -> tf.Tensor:

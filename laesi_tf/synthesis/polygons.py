@@ -12,6 +12,15 @@ def signed_area(points: tf.Tensor) -> tf.Tensor:
     return 0.5 * tf.reduce_sum(x * next_y - y * next_x, axis=-1)
 
 
+def polygon_centroid(points: tf.Tensor) -> tf.Tensor:
+    """Return the centroid [2] of the area of a closed polygon [n, 2]."""
+    middle = tf.reduce_mean(points, axis=0)
+    one = points - middle
+    other = _next_points(one)
+    cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    return middle + tf.linalg.matvec(one + other, cross, transpose_a=True) / (3 * tf.reduce_sum(cross))
+
+
 def polygon_edges(points: tf.Tensor) -> tf.Tensor:
     """Return the directed edges [..., n, 2 ends, 2] of closed polygons [..., n, 2]."""
     return tf.stack([points, _next_points(points)], axis=-2)

@@ -1,4 +1,4 @@
-"""Counter-based random numbers: (seed, index, stream) names one sequence, whatever the order of drawing."""
+"""Counter-based random numbers: (seed, index, stream) names one sequence, whatever the order of sampling."""
 
 import enum
 from typing import Any
@@ -7,26 +7,49 @@ import tensorflow as tf
 
 
 class Stream(enum.IntEnum):
-    """What a sequence is drawn for. The numbers are part of every image, so they are never reused."""
+    """What a sequence is sampled for.
 
-    SCENE = 0
-    LIGHT = 1
-    OUTLINE = 2
-    BITES = 3
-    HOLES = 4
-    VEINS = 5
-    PAPER = 6
-    PAPER_VORONOI = 7
-    SURFACE = 8
-    SURFACE_VORONOI = 9
-    SPOTS = 10
-    PROPS = 11
-    ILLUMINATION = 13
-    DESK = 14
-    SENSOR = 15
-    TEXTURE = 16
-    PAPER_GRADIENT = 17
-    MOTTLE = 18
+    Each part of a scene and each prop has its own streams, so a part that changes leaves the others as they
+    were. The values are part of every image: they are never reused.
+    """
+
+    # Parameters of the parts.
+    LEAF_KIND = 0
+    LEAF = 1
+    SURFACE = 2
+    PAPER = 3
+    DESK = 4
+    CAMERA = 5
+    LIGHT = 6
+    # Parameters and shape numbers of the props.
+    HANDWRITING = 8
+    HANDWRITING_SHAPE = 9
+    FRAGMENT = 10
+    FRAGMENT_SHAPE = 11
+    LABEL = 12
+    LABEL_SHAPE = 13
+    COIN = 14
+    COIN_SHAPE = 15
+    PEN = 16
+    PEN_SHAPE = 17
+    CALIBRATION = 18
+    CALIBRATION_SHAPE = 19
+    # Numbers of shapes and noise fields.
+    OUTLINE = 32
+    BITES = 33
+    HOLES = 34
+    VEINS = 35
+    SURFACE_BLEND = 36
+    SURFACE_MOTTLE = 37
+    SURFACE_SPOTS = 38
+    SURFACE_UNDULATION = 39
+    TEXTURE = 40
+    PAPER_GRADIENT = 41
+    PAPER_VORONOI = 42
+    PAPER_SIMPLE = 43
+    DESK_GRAIN = 44
+    ILLUMINATION = 45
+    SENSOR = 46
 
 
 _PHILOX = tf.random.Algorithm.PHILOX.value
@@ -37,15 +60,16 @@ _MAX_STREAMS = 64
 class RandomStreams:
     """The independent random streams of image (seed, index).
 
-    Philox is a bijection of (key, counter), so neighbouring seeds are as independent as any other pair.
+    Philox maps keys and counters to numbers that are independent whatever their pattern (Salmon et al. 2011):
+    seed and stream are the key, the index is the upper half of the counter.
     """
 
     def __init__(self, seed: tf.Tensor | int, index: tf.Tensor | int) -> None:
-        self._seed = tf.cast(seed, tf.int64)
-        self._index = tf.cast(index, tf.int64)
+        self._first_key = tf.cast(seed, tf.int64) * _MAX_STREAMS
+        self._counter = tf.cast(tf.stack([0, tf.cast(index, tf.int64)]), tf.uint64)
 
     def uniform(self, shape: list[int], stream: Stream) -> tf.Tensor:
-        """Return uniform float32 numbers of `shape` in [0, 1)."""
+        """Return uniform float32 numbers of `shape` in [0, 1); longer vectors begin with the shorter ones."""
         return tf.raw_ops.StatelessRandomUniformV2(**self._generator_arguments(shape, stream))
 
     def normal(self, shape: list[int], stream: Stream) -> tf.Tensor:
@@ -53,8 +77,6 @@ class RandomStreams:
         return tf.raw_ops.StatelessRandomNormalV2(**self._generator_arguments(shape, stream))
 
     def _generator_arguments(self, shape: list[int], stream: Stream) -> dict[str, Any]:
-        """Return the arguments of the generator's raw ops; tf.random's functions wrap them in twenty more
-        ops."""
-        state = tf.stack([self._seed * _MAX_STREAMS + int(stream), self._index])
-        key, counter = tf.raw_ops.StatelessRandomGetKeyCounter(seed=state)
-        return {"shape": shape, "key": key, "counter": counter, "alg": _PHILOX}
+        """Return the arguments of the generator's raw ops; tf.random's functions take twenty ops more."""
+        key = tf.cast(tf.stack([self._first_key + int(stream)]), tf.uint64)
+        return {"shape": shape, "key": key, "counter": self._counter, "alg": _PHILOX}

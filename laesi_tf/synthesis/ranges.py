@@ -13,6 +13,7 @@ end leaves the others as they were.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import numpy as np
@@ -68,11 +69,6 @@ def constant(value: float) -> Any:
     return value
 
 
-def late(default: Any) -> Any:
-    """Default of a field that takes the low bits of another field's number."""
-    return dataclasses.field(default=default, metadata={"late": True})
-
-
 def fields_of(params: Any) -> dict[str, Any]:
     """Return the fields of a parameter dataclass as a dict, in order of declaration."""
     return {field.name: getattr(params, field.name) for field in dataclasses.fields(params)}
@@ -80,11 +76,7 @@ def fields_of(params: Any) -> dict[str, Any]:
 
 def field_count(params: Any) -> int:
     """Return how many uniform numbers `sample_params` takes for `params`."""
-    return len(dataclasses.fields(params)) - _late_count(params)
-
-
-def _late_count(params: Any) -> int:
-    return sum(field.metadata.get("late", False) for field in dataclasses.fields(params))
+    return len(dataclasses.fields(params))
 
 
 def sample_params(ranges: Any, uniform: tf.Tensor) -> Any:
@@ -96,14 +88,12 @@ def sample_params(ranges: Any, uniform: tf.Tensor) -> Any:
     return sample_params_of_kind([ranges], tf.constant(0), uniform)
 
 
-def sample_params_of_kind(kinds: list[Any], kind: tf.Tensor, uniform: tf.Tensor) -> Any:
+def sample_params_of_kind(kinds: Sequence[Any], kind: tf.Tensor, uniform: tf.Tensor) -> Any:
     """Sample every field of `kinds[kind]`, as `sample_params` does; all kinds are of one class."""
     bounds = np.array(
         [[_interval(value) for value in fields_of(ranges).values()] for ranges in kinds], np.float32
     )
     low, high = tf.unstack(tf.gather(tf.constant(bounds), kind), axis=-1)
-    if lates := _late_count(kinds[0]):
-        uniform = tf.concat([uniform, _low_bits(uniform[:lates])], axis=0)
     values = tf.unstack(low + uniform * (high - low))
     sampled = {
         name: value >= 0 if isinstance(range_, Probability) else value
@@ -119,5 +109,8 @@ def _interval(range_: Range) -> tuple[float, float]:
     return range_ if isinstance(range_, tuple) else (range_, range_)
 
 
-def _low_bits(uniform: tf.Tensor) -> tf.Tensor:
-    return tf.math.floormod(uniform * 2**11, 1.0)
+def largest_params(ranges: Any) -> Any:
+    """Return the same dataclass with the upper end of its range in each field, a float."""
+    return dataclasses.replace(
+        ranges, **{name: float(_interval(range_)[1]) for name, range_ in fields_of(ranges).items()}
+    )

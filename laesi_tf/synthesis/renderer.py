@@ -1,8 +1,14 @@
 """The compositing order of a synthetic image, from top to bottom.
 
+1. Layout: the leaf's outline and holes on the sheet, the camera's view, the label.
+2. Sheet: noise, crease, ruling; the desk around it.
+3. Props, from flat to high.
+4. The leaf's shadow; the leaf: colour, browned edge, spots, veins, undulation and relief; its mask.
+5. Light and tone: illumination, reflection of glass, white balance, exposure, contrast, saturation.
+6. Camera: focus blur, sensor noise, chroma at half the resolution, 8 bits.
+
 This module holds no arithmetic. Each `kernels.x` is the XLA-compiled form of the plain function `x` of the
-module that `kernels` names; each stage takes the components that it can draw and skips those that the ranges
-leave out.
+module that `kernels` names. A stage receives the names of its components that images may contain.
 """
 
 from collections.abc import Sequence
@@ -19,8 +25,9 @@ from laesi_tf.synthesis.leaf.painting import LeafInputs
 from laesi_tf.synthesis.light import sample_illumination_grid
 from laesi_tf.synthesis.paper import desk, sheet
 from laesi_tf.synthesis.props.drawing import composite_prop, round_up_side
-from laesi_tf.synthesis.props.placement import PropContext
-from laesi_tf.synthesis.props.registry import PROPS, sample_prop_numbers
+from laesi_tf.synthesis.props.placement import SHAPE_NUMBERS, PropContext
+from laesi_tf.synthesis.props.registry import PROPS, is_present, prop_ranges
+from laesi_tf.synthesis.ranges import largest_params
 from laesi_tf.synthesis.scene import Ranges, Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout
 
@@ -45,13 +52,12 @@ def render_scene(
 ) -> dict[str, tf.Tensor]:
     """Render a scene as an image of `size` (height, width) in pixels.
 
-    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's centroid)
-    and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), and `kind` int32
-    [], the position of the leaf's kind in the ranges.
+    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area
+    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), and
+    `kind` int32 [], the position of the leaf's kind in the ranges.
     """
     components = ranges.enabled_components()
-    layers = _prepare_layers(scene, size, components, textures)
-    # Shadow, then leaf: colour, browned edge, spots, veins, relief.
+    layers = _prepare_layers(scene, size, ranges, textures)
     image, mask = kernels.composite_leaf(
         layers.background,
         layers.leaf,
@@ -69,7 +75,7 @@ def render_lighting_passes(
     """Render scenes that differ in their light only; returns one sample per scene, as `render_scene` does."""
     components = ranges.enabled_components()
     first = scenes[0]
-    layers = _prepare_layers(first, size, components, textures)
+    layers = _prepare_layers(first, size, ranges, textures)
     px_per_mm = layers.layout.view.px_per_mm
     leaf, mask = kernels.paint_leaf(layers.leaf, first.surface, px_per_mm, size, _among(components, *_LEAF))
     samples = []
@@ -96,12 +102,13 @@ def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:
 
 
 def _prepare_layers(
-    scene: Scene, size: ImageSize, components: tuple[str, ...], textures: tf.Tensor | None
+    scene: Scene, size: ImageSize, ranges: Ranges, textures: tf.Tensor | None
 ) -> SharedLayers:
     """Lay out the scene, paint sheet, desk and props, and sum up the edges of the leaf."""
+    components = ranges.enabled_components()
     layout = compute_layout(scene, size)
     background = _paint_sheet(scene, layout, size, components)
-    background = draw_props(background, scene, layout, size, components)
+    background = draw_props(background, scene, layout, size, ranges)
     return SharedLayers(layout, background, _prepare_leaf(scene, layout, size, components, textures))
 
 
@@ -126,24 +133,24 @@ def _paint_sheet(
 
 
 def draw_props(
-    image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize, components: tuple[str, ...]
+    image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize, ranges: Ranges
 ) -> tf.Tensor:
     """Draw the props that the scene has over [3, H, W], from flat to high."""
     context = PropContext(layout.outline, layout.view.to_px, tf.constant(size[::-1], tf.float32))
-    numbers = sample_prop_numbers(scene.streams)
     side = round_up_side(size)
 
-    def draw(name: str, row: int, image: tf.Tensor) -> tf.Tensor:
-        raster = kernels.rasterise_prop(name, scene.props, context, numbers[row], side)
+    def draw(name: str, image: tf.Tensor) -> tf.Tensor:
+        numbers = scene.streams.uniform([SHAPE_NUMBERS], PROPS[name].shape_stream)
+        largest = largest_params(prop_ranges(name, ranges.props))
+        raster = kernels.rasterise_prop(name, scene.props[name], largest, context, numbers, side)
         return composite_prop(image, raster, size)
 
-    for row, name in enumerate(PROPS):
-        if name in components:
-            image = tf.cond(
-                getattr(scene.props, name),
-                lambda image=image, name=name, row=row: draw(name, row, image),
-                lambda image=image: image,
-            )
+    for name, params in scene.props.items():
+        image = tf.cond(
+            is_present(name, params),
+            lambda image=image, name=name: draw(name, image),
+            lambda image=image: image,
+        )
     return image
 
 
@@ -154,6 +161,7 @@ def _prepare_leaf(
     components: tuple[str, ...],
     textures: tf.Tensor | None,
 ) -> LeafInputs:
+    """Rasterise the edges of leaf and veins, and sample the numbers of the leaf's surface."""
     outline_edges, vein_edges = kernels.leaf_contributions(
         layout,
         scene.leaf,
@@ -209,9 +217,9 @@ def _record(image: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor, components: tu
     def record() -> tf.Tensor:
         return kernels.record(image, camera, noise)
 
-    return (
-        tf.cond(camera.compressed, record_compressed, record) if "chroma_softness" in components else record()
-    )
+    if "chroma_softness" not in components:
+        return record()
+    return tf.cond(camera.compressed, record_compressed, record)
 
 
 def _among(components: tuple[str, ...], *stage: str) -> tuple[str, ...]:

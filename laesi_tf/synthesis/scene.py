@@ -1,7 +1,8 @@
 """The sampled parameters of one synthetic image, and the ranges from which they are sampled."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import tensorflow as tf
 
@@ -11,8 +12,8 @@ from laesi_tf.synthesis.leaf.surface import SurfaceParams
 from laesi_tf.synthesis.light import LightParams
 from laesi_tf.synthesis.paper.desk import DeskParams
 from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.props.params import PropsParams
-from laesi_tf.synthesis.props.registry import PROPS
+from laesi_tf.synthesis.props.placement import PropParams
+from laesi_tf.synthesis.props.registry import PROPS, PropsParams, sample_prop
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import (
     Probability,
@@ -24,17 +25,17 @@ from laesi_tf.synthesis.ranges import (
 )
 
 COMPONENTS = (
-    "ruling",
     "paper_noise",
     "crease",
+    "ruling",
     "desk",
     *PROPS,
     "shadow",
     "surface",
     "browned_margin",
     "spots",
-    "undulation",
     "veins",
+    "undulation",
     "relief",
     "illumination",
     "glass",
@@ -95,7 +96,8 @@ class Scene:
     leaf: LeafParams[Scalar]
     surface: SurfaceParams[Scalar]
     light: LightParams[Scalar]
-    props: PropsParams[Scalar]
+    props: Mapping[str, PropParams[Scalar]]
+    """Those that the ranges allow, by name."""
     camera: CameraParams[Scalar]
     desk: DeskParams[Scalar]
     streams: RandomStreams
@@ -104,26 +106,33 @@ class Scene:
 
 
 def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) -> Scene:
-    """Sample the scene of image (`seed`, `index`), integer scalars below 2^58."""
+    """Sample the scene of image (`seed`, `index`), integer scalars below 2^58.
+
+    Each part is sampled from its own random stream, so that a change of one part leaves the others as they
+    were.
+    """
     index = tf.cast(index, tf.int64)
     streams = RandomStreams(seed, index // ranges.lighting_passes)
-    rooms = {name: getattr(ranges, name) for name in ("paper", "surface", "props", "camera", "desk")}
-    kinds = [kind for _, kind in ranges.leaf.values()]
-    sizes = [1, field_count(kinds[0]), *(field_count(room) for room in rooms.values())]
-    which, leaf_numbers, *others = tf.split(streams.uniform([sum(sizes)], Stream.SCENE), sizes)
-    drawn = {
-        name: sample_params(room, part) for (name, room), part in zip(rooms.items(), others, strict=True)
-    }
-    kind = _choose_kind([weight for weight, _ in ranges.leaf.values()], which[0])
+    weights, kinds = zip(*ranges.leaf.values(), strict=True)
+    kind = _choose_kind(weights, streams.uniform([], Stream.LEAF_KIND))
+    leaf_numbers = streams.uniform([field_count(kinds[0])], Stream.LEAF)
     light_streams, light = _sample_light(seed, index, ranges)
     return Scene(
         kind=kind,
+        paper=_sample_part(ranges.paper, streams, Stream.PAPER),
         leaf=sample_params_of_kind(kinds, kind, leaf_numbers),
+        surface=_sample_part(ranges.surface, streams, Stream.SURFACE),
         light=light,
+        props={name: sample_prop(name, ranges.props, streams) for name in PROPS if ranges.has(name)},
+        camera=_sample_part(ranges.camera, streams, Stream.CAMERA),
+        desk=_sample_part(ranges.desk, streams, Stream.DESK),
         streams=streams,
         light_streams=light_streams,
-        **drawn,
     )
+
+
+def _sample_part(ranges: Any, streams: RandomStreams, stream: Stream) -> Any:
+    return sample_params(ranges, streams.uniform([field_count(ranges)], stream))
 
 
 def sample_lighting_passes(seed: tf.Tensor | int, first: tf.Tensor | int, ranges: Ranges) -> list[Scene]:
@@ -140,10 +149,10 @@ def _sample_light(
     seed: tf.Tensor | int, index: tf.Tensor, ranges: Ranges
 ) -> tuple[RandomStreams, LightParams[Scalar]]:
     streams = RandomStreams(seed, index)
-    return streams, sample_params(ranges.light, streams.uniform([field_count(ranges.light)], Stream.LIGHT))
+    return streams, _sample_part(ranges.light, streams, Stream.LIGHT)
 
 
-def _choose_kind(weights: list[float], uniform: tf.Tensor) -> tf.Tensor:
+def _choose_kind(weights: Sequence[float], uniform: tf.Tensor) -> tf.Tensor:
     """Return the index, int32, of the interval of cumulative `weights` that holds `uniform` in [0, 1)."""
     steps = tf.cumsum(tf.constant(weights, tf.float32) / sum(weights))
     return tf.minimum(tf.reduce_sum(tf.cast(uniform >= steps, tf.int32)), len(weights) - 1)

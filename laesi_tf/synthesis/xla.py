@@ -2,13 +2,15 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
 from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 
 import tensorflow as tf
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
+_TENSOR = object()
+"""Marks the place of a tensor among static arguments."""
 
 
 class _PackedParams(NamedTuple):
@@ -22,39 +24,43 @@ class _PackedParams(NamedTuple):
 def compile_with_xla(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Compile `function` once for each set of shapes and static arguments that it meets.
 
-    Positional arguments are tensors, nested tuples of them, sampled parameter dataclasses, or static values
-    (sizes, names). The same compiled code runs eagerly and inside tf.data.
+    Positional arguments are tensors, nested tuples of them, sampled parameter dataclasses, or hashable static
+    values (sizes, names). The same compiled code runs eagerly and inside tf.data.
     """
     # One tf.function for each signature: a single one would warn of retracing, which is intended here.
     compiled: dict[Hashable, Callable[..., Any]] = {}
     plain: Callable[..., Result] = function
 
-    def unpack_and_call(*packed: Any) -> Result:
-        return plain(*(_unpack(argument) for argument in packed))
-
     def call(*arguments: Any) -> Any:
         packed = [_pack(argument) for argument in arguments]
-        signature = _signature(packed)
+        leaves = tf.nest.flatten(packed)
+        signature = tuple((leaf.shape, leaf.dtype) if tf.is_tensor(leaf) else leaf for leaf in leaves)
         if signature not in compiled:
+            static = [_TENSOR if tf.is_tensor(leaf) else leaf for leaf in leaves]
+            structure = tf.nest.pack_sequence_as(packed, static)
             # TensorFlow counts retracing per code object, which a partial does not have.
-            fresh = functools.partial(unpack_and_call)
-            compiled[signature] = tf.function(fresh, jit_compile=True, autograph=False)
-        return compiled[signature](*packed)
+            trace = functools.partial(_call_with_static, plain, structure)
+            compiled[signature] = tf.function(trace, jit_compile=True, autograph=False)
+        return compiled[signature](*(leaf for leaf in leaves if tf.is_tensor(leaf)))
 
     call.__name__, call.__doc__ = function.__name__, function.__doc__
     return cast(Callable[Arguments, Result], call)
 
 
-def _signature(packed: Sequence[Any]) -> Hashable:
-    """Return what tells compiled versions apart: shapes and types of tensors, other arguments themselves."""
-    leaves = tf.nest.flatten(packed)
-    return tuple((leaf.shape, leaf.dtype) if tf.is_tensor(leaf) else leaf for leaf in leaves)
+def _call_with_static(function: Callable[..., Any], structure: Any, *tensors: tf.Tensor) -> Any:
+    """Call `function` with the arguments in `structure`, in which tensors take the places marked for them."""
+    remaining = iter(tensors)
+    leaves = [next(remaining) if leaf is _TENSOR else leaf for leaf in tf.nest.flatten(structure)]
+    arguments = tf.nest.pack_sequence_as(structure, leaves)
+    return function(*(_unpack(argument) for argument in arguments))
 
 
 def _pack(argument: Any) -> Any:
     if not dataclasses.is_dataclass(argument):
         return argument
     values = [getattr(argument, field.name) for field in dataclasses.fields(argument)]
+    if not all(tf.is_tensor(value) for value in values):
+        return argument
     numbers = tf.stack([tf.cast(value, tf.float32) for value in values])
     return _PackedParams(type(argument), tuple(value.dtype == tf.bool for value in values), numbers)
 

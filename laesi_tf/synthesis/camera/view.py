@@ -12,6 +12,7 @@ import tensorflow as tf
 
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.geometry import ImageSize, project_points, px_per_mm_at, require_shape
+from laesi_tf.synthesis.polygons import polygon_centroid
 from laesi_tf.synthesis.ranges import Scalar
 
 IMAGE_BORDER = 0.02
@@ -21,7 +22,7 @@ IMAGE_BORDER = 0.02
 class CameraView(NamedTuple):
     """One camera position.
 
-    `to_px` [3, 3] maps sheet mm to pixels, `px_per_mm` is the scale at the leaf's centroid, `fov_mm` the
+    `to_px` [3, 3] maps sheet mm to pixels, `px_per_mm` is the scale at the leaf's area centroid, `fov_mm` the
     width of the sheet that the image shows at the leaf.
     """
 
@@ -49,8 +50,7 @@ def compute_view(camera: CameraParams[Scalar], outline: tf.Tensor, size: ImageSi
     position = tf.stack([camera.place_x, camera.place_y])
     shift = IMAGE_BORDER * image_wh + position * (free_space - zoom * box_size) - zoom * corner
     to_px = tf.linalg.matmul(_scale_and_shift(zoom, shift), homography)
-    px_per_mm = px_per_mm_at(to_px, tf.reduce_mean(outline, axis=0))
-    return CameraView(to_px=to_px, px_per_mm=px_per_mm, fov_mm=fov / zoom)
+    return CameraView(to_px, px_per_mm_at(to_px, polygon_centroid(outline)), fov_mm=fov / zoom)
 
 
 def tilt_deg(camera: CameraParams[Scalar]) -> tf.Tensor:

@@ -34,7 +34,7 @@ def hole_outlines(leaf: LeafParams[Scalar], numbers: tf.Tensor) -> tf.Tensor:
     radius = tf.minimum(leaf.hole_radius * (0.5 + numbers[:, 3]), max_radius)
     radius *= tf.cast(leaf.holed & ~leaf.bitten, tf.float32) * tf.cast(numbers[:, 4] < 0.6, tf.float32)
     angle = tf.constant(np.linspace(0, 2 * math.pi, HOLE_POINTS, endpoint=False), tf.float32)
-    phases = numbers[:, 5:] * 6.3
+    phases = 2 * math.pi * numbers[:, 5:]
     wobble = 1 + 0.15 * tf.sin(2 * angle + phases[:, :1]) + 0.08 * tf.sin(3 * angle + phases[:, 1:2])
     reach = (radius[:, None] * wobble) / 1.23
     x = (along[:, None] + reach * tf.cos(angle)) * leaf.length_mm

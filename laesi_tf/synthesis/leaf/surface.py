@@ -81,11 +81,11 @@ class SurfaceNoiseGrids(NamedTuple):
 def sample_surface_noise_grids(streams: RandomStreams) -> SurfaceNoiseGrids:
     """Sample the numbers of one leaf's surface."""
     return SurfaceNoiseGrids(
-        blend=streams.uniform([2, _BLEND_NODES, _BLEND_NODES], Stream.SURFACE),
-        mottle=streams.uniform([_FINE_NODES, _FINE_NODES], Stream.MOTTLE),
-        spots=streams.uniform([_FINE_NODES, _FINE_NODES], Stream.SPOTS),
+        blend=streams.uniform([2, _BLEND_NODES, _BLEND_NODES], Stream.SURFACE_BLEND),
+        mottle=streams.uniform([_FINE_NODES, _FINE_NODES], Stream.SURFACE_MOTTLE),
+        spots=streams.uniform([_FINE_NODES, _FINE_NODES], Stream.SURFACE_SPOTS),
         undulation=streams.uniform(
-            [2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Stream.SURFACE_VORONOI
+            [2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Stream.SURFACE_UNDULATION
         ),
     )
 

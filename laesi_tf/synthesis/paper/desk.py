@@ -33,7 +33,7 @@ class DeskParams(Generic[Value]):
 
 def sample_desk_noise_grid(streams: RandomStreams) -> tf.Tensor:
     """Sample the uniform numbers [n, n] of one desk's `desk_grain`."""
-    return streams.uniform([_NODES, _NODES], Stream.DESK)
+    return streams.uniform([_NODES, _NODES], Stream.DESK_GRAIN)
 
 
 def desk_grain(desk: DeskParams[Scalar], grid: tf.Tensor, size: ImageSize) -> tf.Tensor:

@@ -33,7 +33,7 @@ def sample_sheet_noise_grids(streams: RandomStreams) -> SheetNoiseGrids:
     """Sample the numbers of one sheet's `paper_noise`."""
     return SheetNoiseGrids(
         gradients=streams.uniform([2, _GRADIENT_NODES, _GRADIENT_NODES], Stream.PAPER_GRADIENT),
-        values=streams.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Stream.PAPER),
+        values=streams.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Stream.PAPER_SIMPLE),
         jitter=streams.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Stream.PAPER_VORONOI),
     )
 

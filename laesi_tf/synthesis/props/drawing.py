@@ -9,8 +9,7 @@ import tensorflow as tf
 from laesi_tf.synthesis import rasterizer
 from laesi_tf.synthesis.geometry import ImageSize, project_points
 from laesi_tf.synthesis.polygons import polygon_edges, resample_polygon
-from laesi_tf.synthesis.props.params import PropsParams
-from laesi_tf.synthesis.props.placement import PropContext, PropShape
+from laesi_tf.synthesis.props.placement import PropContext, PropParams, PropShape
 from laesi_tf.synthesis.props.registry import PROPS
 from laesi_tf.synthesis.ranges import Scalar
 from laesi_tf.synthesis.windows import Window, window_around
@@ -38,13 +37,19 @@ def round_up_side(size: ImageSize) -> int:
 
 
 def rasterise_prop(
-    name: str, props: PropsParams[Scalar], context: PropContext, numbers: tf.Tensor, max_side: int
+    name: str,
+    params: PropParams[Scalar],
+    largest: PropParams[float],
+    context: PropContext,
+    numbers: tf.Tensor,
+    max_side: int,
 ) -> PropRaster:
     """Place prop `name` and compute the contributions of its edges.
 
-    `numbers` [n] are uniform in [0, 1); `max_side` bounds the image's sides in pixels.
+    `largest` are the upper ends of the parameters' ranges, `numbers` [n] are uniform in [0, 1), `max_side`
+    bounds the image's sides in pixels.
     """
-    shapes = PROPS[name](props, context, numbers)
+    shapes = PROPS[name].make(params, largest, context, numbers)
     edges = [_shape_edges(shape, context, max_side) for shape in shapes]
     layers = np.repeat(np.arange(len(shapes), dtype=np.int32), [polygon.shape[0] for polygon in edges])
     together = tf.concat(edges, axis=0)

@@ -1,6 +1,7 @@
 """A word written on the sheet."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import tensorflow as tf
@@ -8,24 +9,49 @@ import tensorflow as tf
 from laesi_tf.synthesis import curves
 from laesi_tf.synthesis.colour import hsv_to_rgb
 from laesi_tf.synthesis.polygons import stroke_outlines
-from laesi_tf.synthesis.props.params import PropsParams
-from laesi_tf.synthesis.props.placement import PropContext, PropShape, place_beside_leaf
-from laesi_tf.synthesis.ranges import Scalar
+from laesi_tf.synthesis.props.placement import PropContext, PropParams, PropShape, place_beside_leaf
+from laesi_tf.synthesis.ranges import Scalar, Value, interval, probability
 
 WRITING_POINTS = 48
 
 
-def make_handwriting(props: PropsParams[Scalar], context: PropContext, numbers: tf.Tensor) -> list[PropShape]:
+@dataclass(frozen=True)
+class InkParams(PropParams[Value]):
+    """Ink of handwriting."""
+
+    ink_value: Value = interval(0.05, 0.4)
+    """Brightness of the ink, the V of HSV."""
+    stroke_mm: Value = interval(0.3, 0.9)
+    """Width of a stroke."""
+
+
+@dataclass(frozen=True)
+class HandwritingParams(InkParams[Value]):
+    """A handwritten word."""
+
+    handwriting: Value = probability(0.25)
+    handwriting_mm: Value = interval(8, 34)
+    """Length of the word."""
+    handwriting_height: Value = interval(0.12, 0.4)
+    """Height over length."""
+
+
+def make_handwriting(
+    writing: HandwritingParams[Scalar],
+    largest: HandwritingParams[float],
+    context: PropContext,
+    numbers: tf.Tensor,
+) -> list[PropShape]:
     """Return a word written on the sheet itself."""
-    word = handwriting_stroke(
-        numbers[:32], props.handwriting_mm, props.handwriting_mm * props.handwriting_height / 2, props
-    )
-    points = place_beside_leaf(word, context, props.direction + 4.0, props.turn * 0.15, props.gap_mm)
-    return [PropShape(points, ink_colour(props), 320, opacity=0.85)]
+    height_mm = writing.handwriting_mm * writing.handwriting_height / 2
+    word = handwriting_stroke(numbers[:32], writing.handwriting_mm, height_mm, writing)
+    points = place_beside_leaf(word, context, writing.direction, writing.turn * 0.15, writing.gap_mm)
+    max_perimeter_mm = 9.5 * largest.handwriting_mm * max(1, 2.5 * largest.handwriting_height)
+    return [PropShape(points, ink_colour(writing), max_perimeter_mm, opacity=0.85)]
 
 
 def handwriting_stroke(
-    numbers: tf.Tensor, length_mm: tf.Tensor, height_mm: tf.Tensor, props: PropsParams[Scalar]
+    numbers: tf.Tensor, length_mm: tf.Tensor, height_mm: tf.Tensor, ink: InkParams[Scalar]
 ) -> tf.Tensor:
     """Return the outline [2 * WRITING_POINTS, 2] mm, centred, of a word: loops of random height."""
     t = tf.constant(np.linspace(0, 1, WRITING_POINTS), tf.float32)
@@ -36,9 +62,9 @@ def handwriting_stroke(
     lean = tf.linalg.matvec(knots, numbers[letters + 1 : 2 * letters + 2])
     x = (t - 0.5) * length_mm + height_mm * 0.7 * lean * tf.cos(loops)
     y = height_mm * (0.35 + tall) * tf.sin(loops)
-    return stroke_outlines(tf.stack([x, y], -1), tf.fill([WRITING_POINTS], props.stroke_mm))
+    return stroke_outlines(tf.stack([x, y], -1), tf.fill([WRITING_POINTS], ink.stroke_mm))
 
 
-def ink_colour(props: PropsParams[Scalar]) -> tf.Tensor:
-    """Return the colour [3, 1, 1] of the ink."""
-    return hsv_to_rgb(props.hue * 0.3 + 0.5, props.saturation)[:, None, None] * props.ink_value
+def ink_colour(ink: InkParams[Scalar]) -> tf.Tensor:
+    """Return the colour [3, 1, 1] of the ink, blue to purple."""
+    return hsv_to_rgb(ink.hue * 0.3 + 0.5, ink.saturation)[:, None, None] * ink.ink_value

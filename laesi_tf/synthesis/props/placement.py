@@ -5,9 +5,31 @@ is found along a direction from the leaf: the leaf's support in that direction p
 gap. The straight line between the two supports proves that the prop never covers the leaf.
 """
 
-from typing import NamedTuple
+import math
+from dataclasses import dataclass
+from typing import Generic, NamedTuple
 
 import tensorflow as tf
+
+from laesi_tf.synthesis.ranges import Value, interval
+
+SHAPE_NUMBERS = 80
+"""Uniform numbers that a prop's shape may use."""
+
+
+@dataclass(frozen=True)
+class PropParams(Generic[Value]):
+    """Position and colour of a prop: angles in radians, colours in HSV.
+
+    Each prop adds its size and the probability of its presence, a field of the prop's name. Props share these
+    names, hence their ranges, but each samples its own numbers.
+    """
+
+    direction: Value = interval(-math.pi, math.pi)
+    gap_mm: Value = interval(2, 30)
+    turn: Value = interval(-math.pi, math.pi)
+    hue: Value = interval(0.0, 1.0)
+    saturation: Value = interval(0.0, 0.9)
 
 
 class PropContext(NamedTuple):
@@ -25,7 +47,7 @@ class PropContext(NamedTuple):
 class PropShape(NamedTuple):
     """One flat shape of a prop: its polygon [n, 2] in sheet mm, colour [3, 1, 1] and opacity.
 
-    `max_perimeter_mm` bounds its perimeter at the default sizes: it sets the number of edges.
+    `max_perimeter_mm` bounds its perimeter, so that it can be cut into edges of at most two pixels.
     """
 
     points: tf.Tensor
