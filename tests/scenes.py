@@ -62,12 +62,12 @@ def specs(ranges: Ranges) -> Iterator[tuple[str, str, Any]]:
 def parts_of(scene: Scene) -> dict[str, Any]:
     """Return the parameters of each part of a scene; props as `props.pen`."""
     parts = {part: getattr(scene, part) for part in (*PARTS, "leaf") if part != "props"}
-    return parts | {f"props.{name}": params for name, params in scene.props.items()}
+    return parts | {f"props.{name}": prop.params for name, prop in scene.props.items()}
 
 
 def with_parts(scene: Scene, parts: dict[str, Any]) -> Scene:
     """Return `scene` with other parameters, named as in `parts_of`."""
-    props = {name: parts[f"props.{name}"] for name in scene.props}
+    props = {name: prop._replace(params=parts[f"props.{name}"]) for name, prop in scene.props.items()}
     others = {part: params for part, params in parts.items() if "." not in part}
     return dataclasses.replace(scene, props=props, **others)
 

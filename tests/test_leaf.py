@@ -11,21 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import middle
 
-from laesi_tf.synthesis import polygons
-from laesi_tf.synthesis.leaf.holes import HOLE_POINTS, HOLES, hole_outlines, sample_hole_numbers
+from laesi_tf.synthesis.geometry import find_segments, interpolate_at, signed_area
+from laesi_tf.synthesis.leaf.holes import HOLE_POINTS, HOLES, hole_outlines
+from laesi_tf.synthesis.leaf.mesh import leaf_area_cm2
 from laesi_tf.synthesis.leaf.outline import (
     OUTLINE_POINTS,
-    OutlineCurve,
     half_width,
-    leaf_area_cm2,
     midrib,
-    resample_outline,
-    sample_outline_numbers,
     trace_outline,
 )
 from laesi_tf.synthesis.leaf.params import LEAF_KINDS, LeafParams
 from laesi_tf.synthesis.random_streams import RandomStreams
 from laesi_tf.synthesis.ranges import field_count, sample_params
+from laesi_tf.synthesis.scene_numbers import sample_scene_numbers
 
 NO_HOLES = np.zeros((HOLES, HOLE_POINTS, 2), np.float32)
 
@@ -49,13 +47,12 @@ def sample_leaf(kind: str, index: int) -> LeafParams:
 
 
 def outline_of(leaf: LeafParams, streams: RandomStreams) -> tf.Tensor:
-    points, lengths = trace_outline(leaf, sample_outline_numbers(streams))
-    segments = polygons.find_segments(lengths, OUTLINE_POINTS)
-    return resample_outline(OutlineCurve(points, lengths, segments))
+    points, lengths = trace_outline(leaf, sample_scene_numbers(streams).outline)
+    return interpolate_at(points, lengths, find_segments(lengths, OUTLINE_POINTS))
 
 
 def holes_of(leaf: LeafParams, streams: RandomStreams) -> tf.Tensor:
-    return hole_outlines(leaf, sample_hole_numbers(streams))
+    return hole_outlines(leaf, sample_scene_numbers(streams).holes)
 
 
 @settings(max_examples=20, deadline=None)
@@ -95,7 +92,7 @@ def test_outlines_of_every_kind(kind: str) -> None:
         gaps = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
         # Even along the curve, so a chord is at most its arc and shorter where the curve turns.
         assert gaps.max() < 1.01 * np.median(gaps) and gaps.min() > 0
-        shoelace = abs(float(polygons.signed_area(outline))) / 100
+        shoelace = abs(float(signed_area(outline))) / 100
         assert float(leaf_area_cm2(outline, NO_HOLES)) == pytest.approx(shoelace, rel=1e-4)
 
 
@@ -104,23 +101,21 @@ def test_holes_lie_within_the_leaf_and_apart(kind: str) -> None:
     for index in range(4):
         leaf = middle(LEAF_KINDS[kind][1], holed=True, bitten=True)
         outline, holes = outline_of(leaf, RandomStreams(1, index)), holes_of(leaf, RandomStreams(1, index))
-        areas = polygons.signed_area(holes).numpy()
+        areas = signed_area(holes).numpy()
         present = [hole for hole, area in zip(holes.numpy(), areas, strict=True) if abs(area) > 0]
         contour = outline.numpy()[:, None]
         for hole in present:
             assert min(cv2.pointPolygonTest(contour, point.tolist(), False) for point in hole) > 0
         for one, other in itertools.pairwise(present):
             assert np.linalg.norm(one[:, None] - other[None], axis=-1).min() > 0.1
-        assert (areas * float(polygons.signed_area(outline)) <= 0).all()
+        assert (areas * float(signed_area(outline)) <= 0).all()
 
 
 def test_holes_come_and_go_with_the_number() -> None:
     whole = middle(LeafParams(), holed=False)
-    assert not polygons.signed_area(holes_of(whole, RandomStreams(0, 0))).numpy().any()
+    assert not signed_area(holes_of(whole, RandomStreams(0, 0))).numpy().any()
     holed = middle(LeafParams(), holed=True)
-    assert any(
-        polygons.signed_area(holes_of(holed, RandomStreams(0, index))).numpy().any() for index in range(4)
-    )
+    assert any(signed_area(holes_of(holed, RandomStreams(0, index))).numpy().any() for index in range(4))
 
 
 def test_bites_take_area_and_leave_the_rest() -> None:
@@ -128,10 +123,7 @@ def test_bites_take_area_and_leave_the_rest() -> None:
         [outline_of(middle(LeafParams(), bitten=b), RandomStreams(0, index)) for index in range(6)]
         for b in (True, False)
     )
-    lost = [
-        float(abs(polygons.signed_area(s)) - abs(polygons.signed_area(b)))
-        for s, b in zip(spared, bitten, strict=True)
-    ]
+    lost = [float(abs(signed_area(s)) - abs(signed_area(b))) for s, b in zip(spared, bitten, strict=True)]
     assert min(lost) >= -1 and max(lost) > 20
 
 

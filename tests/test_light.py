@@ -11,8 +11,10 @@ from scenes import middle
 from laesi_tf.synthesis import filters, light
 from laesi_tf.synthesis.light import LightParams
 from laesi_tf.synthesis.random_streams import RandomStreams
+from laesi_tf.synthesis.scene_numbers import sample_light_numbers
 
 SIZE = (120, 160)
+GRID = sample_light_numbers(RandomStreams(0, 0)).illumination
 
 
 def disk() -> np.ndarray:
@@ -71,32 +73,26 @@ def even_light(**given: float | bool) -> LightParams:
 
 def test_even_light_is_one() -> None:
     np.testing.assert_allclose(
-        light.illumination(even_light(), light.sample_illumination_grid(RandomStreams(0, 0)), SIZE),
+        light.illumination(even_light(), GRID, SIZE),
         1,
         atol=1e-4,
     )
 
 
 def test_slope_brightens_towards_where_light_travels() -> None:
-    field = light.illumination(
-        even_light(slope=0.4, direction=0.0), light.sample_illumination_grid(RandomStreams(0, 0)), SIZE
-    ).numpy()
+    field = light.illumination(even_light(slope=0.4, direction=0.0), GRID, SIZE).numpy()
     assert (np.diff(field[60]) > 0).all() and np.ptp(field[:, 80]) < 1e-3
     assert field[60, -1] - field[60, 0] == pytest.approx(0.4, abs=0.05)
 
 
 def test_vignette_darkens_corners() -> None:
-    field = light.illumination(
-        even_light(vignette=0.3), light.sample_illumination_grid(RandomStreams(0, 0)), (160, 160)
-    ).numpy()
+    field = light.illumination(even_light(vignette=0.3), GRID, (160, 160)).numpy()
     assert field[80, 80] == pytest.approx(1, abs=0.01) and field[0, 0] == pytest.approx(0.85, abs=0.03)
 
 
 @pytest.mark.parametrize("size", [(80, 160), (160, 80)])
 def test_light_is_symmetric_about_the_image_centre(size: tuple[int, int]) -> None:
-    field = light.illumination(
-        even_light(vignette=0.3), light.sample_illumination_grid(RandomStreams(0, 0)), size
-    ).numpy()
+    field = light.illumination(even_light(vignette=0.3), GRID, size).numpy()
     np.testing.assert_allclose(field, field[::-1, ::-1], atol=0.01)
 
 
@@ -104,9 +100,7 @@ def test_cast_shadow_darkens_one_side_by_its_strength() -> None:
     light_params = even_light(
         cast=True, cast_strength=0.5, cast_softness=0.02, cast_offset=0.0, cast_angle=0.0
     )
-    field = light.illumination(
-        light_params, light.sample_illumination_grid(RandomStreams(0, 0)), SIZE
-    ).numpy()
+    field = light.illumination(light_params, GRID, SIZE).numpy()
     assert field[60, 5] == pytest.approx(1, abs=0.02) and field[60, 155] == pytest.approx(0.5, abs=0.02)
 
 

@@ -21,15 +21,15 @@ from laesi_tf.synthesis.paper.ruling import (
     ruling_cells,
 )
 from laesi_tf.synthesis.paper.sheet import (
-    _GRADIENT_NODES,
-    _SIMPLE_NODES,
+    GRADIENT_NODES,
+    SIMPLE_NODES,
     crease_shading,
     distance_to_sheet_edge,
     paper_noise,
-    sample_sheet_noise_grids,
 )
 from laesi_tf.synthesis.random_streams import RandomStreams
 from laesi_tf.synthesis.ranges import Probability
+from laesi_tf.synthesis.scene_numbers import sample_scene_numbers
 
 UNIT = st.floats(0, 1, width=32)
 
@@ -170,10 +170,10 @@ def test_distance_to_sheet_edge_is_that_to_the_nearest_side() -> None:
 
 def test_wear_weakens_the_ink_and_noise_has_its_weights() -> None:
     still = middle(PaperParams(), gradient_weight=0.0, voronoi_weight=0.0, simple_weight=0.0, print_wear=0.0)
-    blend, strength = paper_noise(still, sample_sheet_noise_grids(RandomStreams(0, 0)), (40, 60))
+    blend, strength = paper_noise(still, sample_scene_numbers(RandomStreams(0, 0)).sheet, (40, 60))
     assert not blend.numpy().any() and (strength.numpy() == 1).all()
     worn = middle(PaperParams(), print_wear=0.5, gradient_weight=0.2)
-    blend, strength = paper_noise(worn, sample_sheet_noise_grids(RandomStreams(0, 0)), (40, 60))
+    blend, strength = paper_noise(worn, sample_scene_numbers(RandomStreams(0, 0)).sheet, (40, 60))
     assert 0.5 <= strength.numpy().min() < 0.9 and strength.numpy().max() <= 1
     assert 0.05 < np.abs(blend.numpy()).max() < 0.5
 
@@ -190,5 +190,5 @@ def test_crease_has_a_brighter_and_a_darker_flank() -> None:
 
 def test_defaults_stay_within_the_noise_grids() -> None:
     sheet = RENDERING_2.paper
-    assert sheet.simple_cells[1] <= _SIMPLE_NODES - 3
-    assert sheet.gradient_cells[1] <= _GRADIENT_NODES - 1
+    assert sheet.simple_cells[1] <= SIMPLE_NODES - 3
+    assert sheet.gradient_cells[1] <= GRADIENT_NODES - 1

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from skimage.draw import polygon2mask
 
 from laesi_tf.synthesis import rasterizer
-from laesi_tf.synthesis.polygons import polygon_edges, resample_polygon, signed_area, subdivide_polygon
+from laesi_tf.synthesis.geometry import polygon_edges, resample_polygon, signed_area, subdivide_polygon
 
 FAST = settings(max_examples=25, deadline=None)
 OFFSETS = st.floats(0, 1)

@@ -25,7 +25,7 @@ from laesi_tf.common.geometry import compute_px_per_mm, polygon_centroid
 from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render_scene, sample_scene, synthesise
 from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.random_streams import Stream
+from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Probability, field_count, fields_of, sample_params_of_kind
 from laesi_tf.synthesis.renderer import compute_layout
 from laesi_tf.synthesis.scene_layout import leaf_edges
@@ -77,9 +77,9 @@ def render_with() -> Callable[..., dict[str, tf.Tensor]]:
     @tf.function(autograph=False)
     def render(index: tf.Tensor, kind: tf.Tensor, which: tf.Tensor, value: tf.Tensor) -> dict[str, tf.Tensor]:
         scene = sample_scene(5, index, SINGLY)
-        uniform = scene.streams.uniform([field_count(KINDS[0])], Stream.LEAF)
+        uniform = RandomStreams(5, index).uniform([field_count(KINDS[0])], Stream.LEAF)
         scene = dataclasses.replace(scene, leaf=sample_params_of_kind(KINDS, kind, uniform))
-        return render_scene(_set(scene, which, value), (160, 160), SINGLY)
+        return render_scene(_set(scene, which, value), (160, 160))
 
     return render
 

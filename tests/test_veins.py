@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import middle
 
-from laesi_tf.synthesis import polygons
+from laesi_tf.synthesis.geometry import signed_area, stroke_outlines
 from laesi_tf.synthesis.leaf import veins
 from laesi_tf.synthesis.leaf.outline import midrib
 from laesi_tf.synthesis.leaf.params import LeafParams
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
+from laesi_tf.synthesis.scene_numbers import sample_scene_numbers
 
 COMMANDS = st.lists(st.tuples(st.floats(-3, 3), st.floats(0, 5)), min_size=1, max_size=12)
 RANDOM = RandomStreams(0, 0).normal([2, 9, veins.SECONDARY_STEPS + 2], Stream.VEINS)
@@ -38,8 +39,8 @@ def test_turtle(commands: list[tuple[float, float]], heading: float, start: tupl
 
 def test_stroke_of_a_straight_path_has_its_width() -> None:
     path = tf.constant(np.stack([np.linspace(0, 10, 6), np.linspace(0, 5, 6)], -1), tf.float32)
-    outline = polygons.stroke_outlines(path, tf.fill([6], 1.5))
-    assert abs(float(polygons.signed_area(outline))) == pytest.approx(math.hypot(10, 5) * 1.5, rel=1e-4)
+    outline = stroke_outlines(path, tf.fill([6], 1.5))
+    assert abs(float(signed_area(outline))) == pytest.approx(math.hypot(10, 5) * 1.5, rel=1e-4)
 
 
 def test_secondary_veins_leave_the_midrib_on_both_sides() -> None:
@@ -71,7 +72,7 @@ def test_brownian_jitter_makes_paths_wander() -> None:
 def test_veins_taper_towards_their_ends() -> None:
     leaf = middle(LeafParams())
     edges = veins.vein_edges(
-        leaf, veins.sample_turtle_noise(RandomStreams(0, 0)), tf.constant(0.0), tf.constant(2.0)
+        leaf, sample_scene_numbers(RandomStreams(0, 0)).turtles, tf.constant(0.0), tf.constant(2.0)
     ).numpy()
     main = edges[: 2 * veins.MIDRIB_STEPS, 0]
     left, right = main[: veins.MIDRIB_STEPS], main[veins.MIDRIB_STEPS :][::-1]

@@ -8,9 +8,10 @@ same but for the last bit of rounding.
 
 from pathlib import Path
 
+import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis.geometry import ImageSize, require_image_size, require_shape
+from laesi_tf.synthesis.geometry import ImageSize, require_shape
 from laesi_tf.synthesis.ranges_toml import load_ranges
 from laesi_tf.synthesis.renderer import render_lighting_passes, render_scene
 from laesi_tf.synthesis.scene import COMPONENTS, Ranges, Scene, sample_lighting_passes, sample_scene
@@ -51,11 +52,11 @@ def synthesise(
     int32 [] (position of the leaf's kind in the ranges' `leaf`) and `index` int64 []. Raises InputError for
     unknown ranges, ValueError for an invalid size or textures of another shape.
     """
-    require_image_size(size)
-    loaded = load_ranges(ranges)
+    _require_size(size)
+    textures = _as_textures(textures)
     index = tf.cast(index, tf.int64)
-    scene = sample_scene(seed, index, loaded)
-    return render_scene(scene, size, loaded, textures=_as_textures(textures)) | {"index": index}
+    scene = sample_scene(seed, index, load_ranges(ranges))
+    return render_scene(scene, size, textures=textures) | {"index": index}
 
 
 @tf.autograph.experimental.do_not_convert
@@ -72,11 +73,11 @@ def synthesise_passes(
     As `synthesise`, with an axis [ranges.lighting_passes] before the others: the same images for less, as
     leaf and paper are rendered once. `first` is a multiple of the number of passes.
     """
-    require_image_size(size)
-    loaded = load_ranges(ranges)
+    _require_size(size)
+    textures = _as_textures(textures)
     first = tf.cast(first, tf.int64)
-    scenes = sample_lighting_passes(seed, first, loaded)
-    samples = render_lighting_passes(scenes, size, loaded, textures=_as_textures(textures))
+    scenes = sample_lighting_passes(seed, first, load_ranges(ranges))
+    samples = render_lighting_passes(scenes, size, textures=textures)
     stacked = {name: tf.stack([sample[name] for sample in samples]) for name in samples[0]}
     return stacked | {"index": first + tf.range(len(samples), dtype=tf.int64)}
 
@@ -88,3 +89,9 @@ def _as_textures(textures: tf.Tensor | None) -> tf.Tensor | None:
     converted = tf.convert_to_tensor(textures, tf.float32)
     require_shape("textures", converted, (None, None, None, 3))
     return converted
+
+
+def _require_size(size: ImageSize) -> None:
+    """Raise ValueError unless `size` is a pair of positive whole numbers."""
+    if len(size) != 2 or not all(isinstance(side, int | np.integer) and side > 0 for side in size):
+        raise ValueError(f"size is {size!r}; expected (height, width), both positive whole numbers of pixels")

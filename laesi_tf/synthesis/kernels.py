@@ -6,7 +6,7 @@ CPU; it takes 12.2 instead of 3.9 seconds of CPU to start (224 x 224 pixels, pre
 costs about 50 microseconds, so stages are few and large.
 
 What XLA makes ten to a thousand times slower stays outside, in plain TensorFlow: adding into cells one by one
-(`rasterizer.sum_contributions`), searching a sorted list (`polygons.find_segments`), and cutting a window
+(`rasterizer.sum_contributions`), searching a sorted list (`geometry.find_segments`), and cutting a window
 from a constant (`imaging.cut_sensor_noise`). And what finds the entries of a table must not be compiled
 together with what looks them up (`ruling.compute_ruling_cells`, `sheet.paint_sheet_and_desk`).
 """

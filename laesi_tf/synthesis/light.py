@@ -13,11 +13,11 @@ import tensorflow as tf
 from laesi_tf.synthesis import noise
 from laesi_tf.synthesis.filters import blur_and_shift
 from laesi_tf.synthesis.geometry import ImageSize
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Scalar, Value, interval, probability
 
 GRID_NODES = 28
 """Nodes along each axis of the grid on which illumination is computed."""
+UNEVENNESS_NODES = 8
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,6 @@ class LightParams(Generic[Value]):
     glass_offset: Value = interval(-0.4, 0.4)
     glass_width: Value = interval(0.06, 0.35)
     glass_veil: Value = interval(0.0, 0.1)
-
-
-def sample_illumination_grid(streams: RandomStreams) -> tf.Tensor:
-    """Sample the uniform numbers [8, 8] of one lighting's unevenness."""
-    return streams.uniform([8, 8], Stream.ILLUMINATION)
 
 
 def light_direction(light: LightParams[Scalar]) -> tf.Tensor:
@@ -95,7 +90,7 @@ def shade_relief(colour: tf.Tensor, slope: tf.Tensor, light: LightParams[Scalar]
 def illumination(light: LightParams[Scalar], grid: tf.Tensor, size: ImageSize) -> tf.Tensor:
     """Return the relative illumination [H, W]: fall-off, vignetting, unevenness and cast shadows.
 
-    `grid` [8, 8] comes from `sample_illumination_grid`.
+    `grid` [n, n] holds the uniform numbers of the unevenness.
     """
     x, y = centred_coordinates(GRID_NODES, size)
     along = light_direction(light)

@@ -16,19 +16,17 @@ from typing import NamedTuple
 
 import tensorflow as tf
 
-from laesi_tf.synthesis import kernels, polygons, rasterizer
+from laesi_tf.synthesis import geometry, kernels, rasterizer
 from laesi_tf.synthesis.camera import imaging
 from laesi_tf.synthesis.camera.view import tilt_deg
 from laesi_tf.synthesis.geometry import ImageSize
-from laesi_tf.synthesis.leaf import holes, outline, surface, veins
+from laesi_tf.synthesis.leaf.outline import OUTLINE_POINTS, OutlineCurve
 from laesi_tf.synthesis.leaf.painting import LeafInputs
-from laesi_tf.synthesis.light import sample_illumination_grid
-from laesi_tf.synthesis.paper import desk, sheet
+from laesi_tf.synthesis.leaf.surface import cut_leaf_texture
 from laesi_tf.synthesis.props.drawing import composite_prop, round_up_side
-from laesi_tf.synthesis.props.placement import SHAPE_NUMBERS, PropContext
-from laesi_tf.synthesis.props.registry import PROPS, is_present, prop_ranges
-from laesi_tf.synthesis.ranges import largest_params
-from laesi_tf.synthesis.scene import Ranges, Scene
+from laesi_tf.synthesis.props.placement import PropContext
+from laesi_tf.synthesis.props.registry import SampledProp
+from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout
 
 _SHEET = ("paper_noise", "crease", "ruling", "desk")
@@ -47,151 +45,125 @@ class SharedLayers(NamedTuple):
     leaf: LeafInputs
 
 
-def render_scene(
-    scene: Scene, size: ImageSize, ranges: Ranges, *, textures: tf.Tensor | None = None
-) -> dict[str, tf.Tensor]:
+def render_scene(scene: Scene, size: ImageSize, *, textures: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
     """Render a scene as an image of `size` (height, width) in pixels.
 
-    Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area
-    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), and
-    `kind` int32 [], the position of the leaf's kind in the ranges.
+    `textures` [N, T, T, 3] are photos of leaves relative to mean 1. Returns `image` uint8 [H, W, 3], `mask`
+    uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area centroid) and `tilt_deg` float32 [], `to_px`
+    float32 [3, 3] (homography from sheet mm to pixels), and `kind` int32 [], the position of the leaf's kind
+    in the ranges.
     """
-    components = ranges.enabled_components()
-    layers = _prepare_layers(scene, size, ranges, textures)
+    layers = _prepare_layers(scene, size, textures)
+    px_per_mm = layers.layout.view.px_per_mm
     image, mask = kernels.composite_leaf(
         layers.background,
         layers.leaf,
         scene.surface,
         scene.light,
-        layers.layout.view.px_per_mm,
-        _among(components, "shadow", *_LEAF),
+        px_per_mm,
+        _enabled(scene, "shadow", *_LEAF),
     )
-    return _finish_sample(image, mask, scene, layers.layout, components)
+    return _finish_sample(image, mask, scene, layers.layout)
 
 
 def render_lighting_passes(
-    scenes: Sequence[Scene], size: ImageSize, ranges: Ranges, *, textures: tf.Tensor | None = None
+    scenes: Sequence[Scene], size: ImageSize, *, textures: tf.Tensor | None = None
 ) -> list[dict[str, tf.Tensor]]:
     """Render scenes that differ in their light only; returns one sample per scene, as `render_scene` does."""
-    components = ranges.enabled_components()
     first = scenes[0]
-    layers = _prepare_layers(first, size, ranges, textures)
+    layers = _prepare_layers(first, size, textures)
     px_per_mm = layers.layout.view.px_per_mm
-    leaf, mask = kernels.paint_leaf(layers.leaf, first.surface, px_per_mm, size, _among(components, *_LEAF))
+    leaf, mask = kernels.paint_leaf(layers.leaf, first.surface, px_per_mm, size, _enabled(first, *_LEAF))
     samples = []
     for scene in scenes:
-        image = kernels.shade_leaf(
-            layers.background, leaf, scene.light, px_per_mm, _among(components, "shadow")
-        )
-        samples.append(_finish_sample(image, mask, scene, layers.layout, components))
+        image = kernels.shade_leaf(layers.background, leaf, scene.light, px_per_mm, _enabled(scene, "shadow"))
+        samples.append(_finish_sample(image, mask, scene, layers.layout))
     return samples
+
+
+def _prepare_layers(scene: Scene, size: ImageSize, textures: tf.Tensor | None) -> SharedLayers:
+    """Lay out the scene, paint sheet, desk and props, and rasterise the edges of the leaf."""
+    layout = compute_layout(scene, size)
+    background = _paint_sheet(scene, layout, size)
+    background = draw_props(background, scene, layout, size)
+    return SharedLayers(layout, background, _prepare_leaf(scene, layout, size, textures))
 
 
 def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:
     """Place the leaf on the sheet and point the camera at it."""
-    points, lengths = kernels.trace_outline(scene.leaf, outline.sample_outline_numbers(scene.streams))
-    segments = polygons.find_segments(lengths, outline.OUTLINE_POINTS)
-    return kernels.compute_layout(
-        scene.leaf,
-        scene.camera,
-        outline.OutlineCurve(points, lengths, segments),
-        holes.sample_hole_numbers(scene.streams),
-        # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
-        tf.constant(size, tf.float32),
-    )
+    points, lengths = kernels.trace_outline(scene.leaf, scene.numbers.outline)
+    curve = OutlineCurve(points, lengths, geometry.find_segments(lengths, OUTLINE_POINTS))
+    # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
+    size_tensor = tf.constant(size, tf.float32)
+    return kernels.compute_layout(scene.leaf, scene.camera, curve, scene.numbers.holes, size_tensor)
 
 
-def _prepare_layers(
-    scene: Scene, size: ImageSize, ranges: Ranges, textures: tf.Tensor | None
-) -> SharedLayers:
-    """Lay out the scene, paint sheet, desk and props, and sum up the edges of the leaf."""
-    components = ranges.enabled_components()
-    layout = compute_layout(scene, size)
-    background = _paint_sheet(scene, layout, size, components)
-    background = draw_props(background, scene, layout, size, ranges)
-    return SharedLayers(layout, background, _prepare_leaf(scene, layout, size, components, textures))
-
-
-def _paint_sheet(
-    scene: Scene, layout: SceneLayout, size: ImageSize, components: tuple[str, ...]
-) -> tf.Tensor:
-    """Sheet noise, crease, ruling, then the desk around the sheet: [3, H, W]."""
-    cells = None
+def _paint_sheet(scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tensor:
+    """Paint sheet noise, crease and ruling, and the desk around the sheet: [3, H, W]."""
+    components, cells = _enabled(scene, *_SHEET), None
     if "ruling" in components:
         cells = kernels.compute_ruling_cells(scene.paper, layout.view.to_px, size)
     return kernels.paint_sheet_and_desk(
         scene.paper,
-        sheet.sample_sheet_noise_grids(scene.streams),
+        scene.numbers.sheet,
         scene.desk,
-        desk.sample_desk_noise_grid(scene.streams),
-        layout.leaf_box,
+        scene.numbers.desk,
+        layout.outline,
         layout.view,
         cells,
         size,
-        _among(components, *_SHEET),
+        components,
     )
 
 
-def draw_props(
-    image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize, ranges: Ranges
-) -> tf.Tensor:
+def draw_props(image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tensor:
     """Draw the props that the scene has over [3, H, W], from flat to high."""
     context = PropContext(layout.outline, layout.view.to_px, tf.constant(size[::-1], tf.float32))
-    side = round_up_side(size)
 
-    def draw(name: str, image: tf.Tensor) -> tf.Tensor:
-        numbers = scene.streams.uniform([SHAPE_NUMBERS], PROPS[name].shape_stream)
-        largest = largest_params(prop_ranges(name, ranges.props))
-        raster = kernels.rasterise_prop(name, scene.props[name], largest, context, numbers, side)
+    def draw(prop: SampledProp, image: tf.Tensor) -> tf.Tensor:
+        raster = kernels.rasterise_prop(
+            prop.name, prop.params, prop.largest, context, prop.numbers, round_up_side(size)
+        )
         return composite_prop(image, raster, size)
 
-    for name, params in scene.props.items():
+    for prop in scene.props.values():
         image = tf.cond(
-            is_present(name, params),
-            lambda image=image, name=name: draw(name, image),
+            prop.is_present,
+            lambda image=image, prop=prop: draw(prop, image),
             lambda image=image: image,
         )
     return image
 
 
 def _prepare_leaf(
-    scene: Scene,
-    layout: SceneLayout,
-    size: ImageSize,
-    components: tuple[str, ...],
-    textures: tf.Tensor | None,
+    scene: Scene, layout: SceneLayout, size: ImageSize, textures: tf.Tensor | None
 ) -> LeafInputs:
-    """Rasterise the edges of leaf and veins, and sample the numbers of the leaf's surface."""
+    """Rasterise the edges of the leaf and its veins, and cut its texture."""
     outline_edges, vein_edges = kernels.leaf_contributions(
-        layout,
-        scene.leaf,
-        scene.surface,
-        veins.sample_turtle_noise(scene.streams),
-        size,
-        _among(components, "veins"),
+        layout, scene.leaf, scene.surface, scene.numbers.turtles, size, _enabled(scene, "veins")
     )
     return LeafInputs(
         outline_sums=rasterizer.sum_contributions(outline_edges, size),
         vein_sums=None if vein_edges is None else rasterizer.sum_contributions(vein_edges, size),
-        grids=surface.sample_surface_noise_grids(scene.streams),
-        texture=None if textures is None else surface.sample_leaf_texture(textures, scene.streams, size),
+        grids=scene.numbers.surface,
+        texture=None if textures is None else cut_leaf_texture(textures, scene.numbers.texture, size),
     )
 
 
 def _finish_sample(
-    image: tf.Tensor, mask: tf.Tensor, scene: Scene, layout: SceneLayout, components: tuple[str, ...]
+    image: tf.Tensor, mask: tf.Tensor, scene: Scene, layout: SceneLayout
 ) -> dict[str, tf.Tensor]:
-    """Illumination, glass, white balance and tone, then the camera; returns what `render_scene` returns."""
-    image = kernels.apply_light_and_tone(
+    """Apply light, tone and camera; returns what `render_scene` returns."""
+    exposed = kernels.apply_light_and_tone(
         image,
         scene.light,
-        sample_illumination_grid(scene.light_streams),
+        scene.light_numbers.illumination,
         scene.camera,
         scene.paper,
-        _among(components, *_LIGHT),
+        _enabled(scene, *_LIGHT),
     )
     return {
-        "image": _record(image, scene, layout.view.px_per_mm, components),
+        "image": _record(exposed, scene, layout.view.px_per_mm),
         "mask": mask,
         "area_cm2": layout.area_cm2,
         "px_per_mm": layout.view.px_per_mm,
@@ -201,15 +173,15 @@ def _finish_sample(
     }
 
 
-def _record(image: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor, components: tuple[str, ...]) -> tf.Tensor:
-    """Focus blur, sensor noise, chroma at half the resolution, 8 bits: uint8 [H, W, 3]."""
-    camera, exposed, noise = scene.camera, image, None
-    if "focus" in components:
+def _record(exposed: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor) -> tf.Tensor:
+    """Apply focus blur, sensor noise, chroma at half the resolution, 8 bits: uint8 [H, W, 3]."""
+    camera, image, noise = scene.camera, exposed, None
+    if "sensor_noise" in scene.components:
+        noise = imaging.cut_sensor_noise(scene.light_numbers.sensor, (image.shape[1], image.shape[2]))
+    if "focus" in scene.components:
         image = tf.cond(
             camera.blurred, lambda: kernels.apply_focus_blur(exposed, camera, px_per_mm), lambda: exposed
         )
-    if "sensor_noise" in components:
-        noise = imaging.cut_sensor_noise(scene.light_streams, (image.shape[1], image.shape[2]))
 
     def record_compressed() -> tf.Tensor:
         return kernels.record_with_chroma(*kernels.subsample_chroma(image, camera, noise))
@@ -217,11 +189,11 @@ def _record(image: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor, components: tu
     def record() -> tf.Tensor:
         return kernels.record(image, camera, noise)
 
-    if "chroma_softness" not in components:
+    if "chroma_softness" not in scene.components:
         return record()
     return tf.cond(camera.compressed, record_compressed, record)
 
 
-def _among(components: tuple[str, ...], *stage: str) -> tuple[str, ...]:
-    """Return those of a stage's components that are enabled: other components do not make it compile anew."""
-    return tuple(name for name in stage if name in components)
+def _enabled(scene: Scene, *stage: str) -> tuple[str, ...]:
+    """Return the enabled ones of a stage's components: the others must not make it compile anew."""
+    return tuple(name for name in stage if name in scene.components)

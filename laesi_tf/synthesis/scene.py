@@ -12,8 +12,7 @@ from laesi_tf.synthesis.leaf.surface import SurfaceParams
 from laesi_tf.synthesis.light import LightParams
 from laesi_tf.synthesis.paper.desk import DeskParams
 from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.props.placement import PropParams
-from laesi_tf.synthesis.props.registry import PROPS, PropsParams, sample_prop
+from laesi_tf.synthesis.props.registry import PROPS, PropsParams, SampledProp, sample_prop
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import (
     Probability,
@@ -22,6 +21,12 @@ from laesi_tf.synthesis.ranges import (
     field_count,
     sample_params,
     sample_params_of_kind,
+)
+from laesi_tf.synthesis.scene_numbers import (
+    LightNumbers,
+    SceneNumbers,
+    sample_light_numbers,
+    sample_scene_numbers,
 )
 
 COMPONENTS = (
@@ -86,23 +91,23 @@ class Ranges:
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """The sampled parameters of one image, and the random streams of its noise fields.
+    """The sampled parameters and random numbers of one image, which is a pure function of them."""
 
-    `kind` int32 [] is the leaf's kind, its position in `Ranges.leaf`.
-    """
-
+    components: tuple[str, ...]
+    """Names of the components that images of these ranges may contain, in compositing order."""
     kind: tf.Tensor
-    paper: PaperParams[Scalar]
+    """Kind of the leaf, int32 []: its position in `Ranges.leaf`."""
     leaf: LeafParams[Scalar]
     surface: SurfaceParams[Scalar]
-    light: LightParams[Scalar]
-    props: Mapping[str, PropParams[Scalar]]
+    paper: PaperParams[Scalar]
+    desk: DeskParams[Scalar]
+    props: Mapping[str, SampledProp]
     """Those that the ranges allow, by name."""
     camera: CameraParams[Scalar]
-    desk: DeskParams[Scalar]
-    streams: RandomStreams
-    light_streams: RandomStreams
-    """Those of the light, sensor and file: lighting passes over one leaf differ in them."""
+    light: LightParams[Scalar]
+    numbers: SceneNumbers
+    light_numbers: LightNumbers
+    """Those of light and sensor: lighting passes over one leaf differ in `light` and in these."""
 
 
 def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) -> Scene:
@@ -112,27 +117,26 @@ def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) 
     were.
     """
     index = tf.cast(index, tf.int64)
+    components = ranges.enabled_components()
     streams = RandomStreams(seed, index // ranges.lighting_passes)
     weights, kinds = zip(*ranges.leaf.values(), strict=True)
     kind = _choose_kind(weights, streams.uniform([], Stream.LEAF_KIND))
     leaf_numbers = streams.uniform([field_count(kinds[0])], Stream.LEAF)
-    light_streams, light = _sample_light(seed, index, ranges)
+    light, light_numbers = _sample_light(seed, index, ranges)
+    numbers = sample_scene_numbers(streams)
     return Scene(
+        components=components,
         kind=kind,
-        paper=_sample_part(ranges.paper, streams, Stream.PAPER),
         leaf=sample_params_of_kind(kinds, kind, leaf_numbers),
         surface=_sample_part(ranges.surface, streams, Stream.SURFACE),
-        light=light,
+        paper=_sample_part(ranges.paper, streams, Stream.PAPER),
+        desk=_sample_part(ranges.desk, streams, Stream.DESK),
         props={name: sample_prop(name, ranges.props, streams) for name in PROPS if ranges.has(name)},
         camera=_sample_part(ranges.camera, streams, Stream.CAMERA),
-        desk=_sample_part(ranges.desk, streams, Stream.DESK),
-        streams=streams,
-        light_streams=light_streams,
+        light=light,
+        numbers=numbers,
+        light_numbers=light_numbers,
     )
-
-
-def _sample_part(ranges: Any, streams: RandomStreams, stream: Stream) -> Any:
-    return sample_params(ranges, streams.uniform([field_count(ranges)], stream))
 
 
 def sample_lighting_passes(seed: tf.Tensor | int, first: tf.Tensor | int, ranges: Ranges) -> list[Scene]:
@@ -141,15 +145,19 @@ def sample_lighting_passes(seed: tf.Tensor | int, first: tf.Tensor | int, ranges
     others = [_sample_light(seed, first + number, ranges) for number in range(1, ranges.lighting_passes)]
     return [
         scene,
-        *(dataclasses.replace(scene, light_streams=streams, light=light) for streams, light in others),
+        *(dataclasses.replace(scene, light=light, light_numbers=numbers) for light, numbers in others),
     ]
+
+
+def _sample_part(ranges: Any, streams: RandomStreams, stream: Stream) -> Any:
+    return sample_params(ranges, streams.uniform([field_count(ranges)], stream))
 
 
 def _sample_light(
     seed: tf.Tensor | int, index: tf.Tensor, ranges: Ranges
-) -> tuple[RandomStreams, LightParams[Scalar]]:
+) -> tuple[LightParams[Scalar], LightNumbers]:
     streams = RandomStreams(seed, index)
-    return streams, _sample_part(ranges.light, streams, Stream.LIGHT)
+    return _sample_part(ranges.light, streams, Stream.LIGHT), sample_light_numbers(streams)
 
 
 def _choose_kind(weights: Sequence[float], uniform: tf.Tensor) -> tf.Tensor:

@@ -5,12 +5,19 @@ from typing import NamedTuple
 
 import tensorflow as tf
 
-from laesi_tf.synthesis import polygons
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.camera.view import CameraView, compute_view
-from laesi_tf.synthesis.geometry import ImageSize, project_points
+from laesi_tf.synthesis.geometry import (
+    ImageSize,
+    interpolate_at,
+    polygon_edges,
+    project_points,
+    subdivide_edges,
+    subdivide_polygon,
+)
 from laesi_tf.synthesis.leaf.holes import hole_outlines
-from laesi_tf.synthesis.leaf.outline import OutlineCurve, leaf_area_cm2, resample_outline
+from laesi_tf.synthesis.leaf.mesh import leaf_area_cm2
+from laesi_tf.synthesis.leaf.outline import OutlineCurve
 from laesi_tf.synthesis.leaf.params import LeafParams
 from laesi_tf.synthesis.leaf.surface import SurfaceParams
 from laesi_tf.synthesis.leaf.veins import vein_edges
@@ -44,11 +51,6 @@ class SceneLayout(NamedTuple):
     view: CameraView
     area_cm2: tf.Tensor
 
-    @property
-    def leaf_box(self) -> tf.Tensor:
-        """Opposite corners [2, 2] of the leaf's bounding box, sheet mm."""
-        return tf.stack([tf.reduce_min(self.outline, axis=0), tf.reduce_max(self.outline, axis=0)])
-
 
 def compute_layout(
     leaf: LeafParams[Scalar],
@@ -59,10 +61,10 @@ def compute_layout(
 ) -> SceneLayout:
     """Place the leaf on the sheet and point the camera at it.
 
-    `hole_numbers` [k, 8] come from `sample_hole_numbers`, `size` [2] is the image's height and width in
+    `hole_numbers` [k, 8] are uniform in [0, 1), `size` [2] is the image's height and width in
     pixels.
     """
-    outline, holes = resample_outline(curve), hole_outlines(leaf, hole_numbers)
+    outline, holes = interpolate_at(*curve), hole_outlines(leaf, hole_numbers)
     cosine, sine = tf.cos(leaf.angle), tf.sin(leaf.angle)
     rotation = tf.stack([tf.stack([cosine, -sine]), tf.stack([sine, cosine])])
     rotated = tf.linalg.matmul(outline, rotation, transpose_b=True)
@@ -87,7 +89,7 @@ def leaf_contributions(
 ) -> tuple[EdgeContributions, EdgeContributions | None]:
     """Return what the edges of the leaf, and those of its veins, contribute to the image's cells.
 
-    `turtle_noise` comes from `sample_turtle_noise`. The second is None without veins.
+    `turtle_noise` are the normal numbers of `vein_edges`. The second is None without veins.
     """
     of_outline = edge_contributions(leaf_edges(layout, size), size)
     if "veins" not in components:
@@ -95,14 +97,14 @@ def leaf_contributions(
     outlines = vein_edges(leaf, turtle_noise, surface.vein_jitter, surface.vein_width_mm)
     projected = project_points(layout.view.to_px, layout.pose.apply(outlines))
     pieces = math.ceil(max(size) / 40)
-    return of_outline, edge_contributions(polygons.subdivide_edges(projected, pieces), size)
+    return of_outline, edge_contributions(subdivide_edges(projected, pieces), size)
 
 
 def leaf_edges(layout: SceneLayout, size: ImageSize) -> tf.Tensor:
     """Return the edges [n, 2 ends, 2] of the leaf and its holes in pixels."""
     pieces = math.ceil(max(size) / 256)
     loops = [
-        polygons.subdivide_polygon(project_points(layout.view.to_px, points), pieces)
+        subdivide_polygon(project_points(layout.view.to_px, points), pieces)
         for points in (layout.outline, layout.holes)
     ]
-    return tf.concat([tf.reshape(polygons.polygon_edges(points), [-1, 2, 2]) for points in loops], axis=0)
+    return tf.concat([tf.reshape(polygon_edges(points), [-1, 2, 2]) for points in loops], axis=0)

@@ -11,15 +11,14 @@ import tensorflow as tf
 
 from laesi_tf.synthesis import light as lighting
 from laesi_tf.synthesis.camera.params import CameraParams
-from laesi_tf.synthesis.colour import LUMA_WEIGHTS, luma
-from laesi_tf.synthesis.filters import gaussian_blur
 from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.light import LightParams
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.paper.sheet import sheet_colour
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Scalar
 
+LUMA_WEIGHTS = (0.299, 0.587, 0.114)
+"""Shares of red, green and blue in luma, as in JPEG (ITU-R BT.601)."""
 _MAX_BLUR_MM = 0.25
 """The blur has taps for this standard deviation; a wider one is cut off."""
 _BANK_MARGIN_PX = 256
@@ -62,20 +61,13 @@ def apply_white_balance_and_tone(
     return mixed + 0.5 * (1 - camera.contrast)
 
 
-def apply_focus_blur(image: tf.Tensor, camera: CameraParams[Scalar], px_per_mm: tf.Tensor) -> tf.Tensor:
-    """Blur [3, H, W] by the camera's defocus."""
-    reach = math.ceil(1.25 * _MAX_BLUR_MM * max(image.shape[1:]) / 70)
-    return gaussian_blur(image, camera.blur_mm * px_per_mm, reach)
-
-
-def cut_sensor_noise(streams: RandomStreams, size: ImageSize) -> tf.Tensor:
-    """Return noise [3, H, W] of unit variance, a random window of one fixed bank.
+def cut_sensor_noise(offset: tf.Tensor, size: ImageSize) -> tf.Tensor:
+    """Return noise [3, H, W] of unit variance, the window at `offset` [2] in [0, 1) of one fixed bank.
 
     Drawing 150,000 fresh normals costs more than the rest of the camera; a random window of a bank 256 pixels
     wider than the image looks the same to anything that sees one image at a time. Not to be compiled: XLA
     makes the cut cost a thousand times as much.
     """
-    offset = streams.uniform([2], Stream.SENSOR)
     bank = tf.constant(_sensor_noise_bank(max(size) + _BANK_MARGIN_PX))
     return tf.slice(bank, tf.concat([[0], tf.cast(offset * _BANK_MARGIN_PX, tf.int32)], 0), [3, *size])
 
@@ -85,6 +77,37 @@ def _sensor_noise_bank(side: int) -> np.ndarray:
     """Return normal noise [3, side, side]; channels share most of their variance, as after demosaicing."""
     normal = np.random.default_rng(20240400593).standard_normal((4, side, side)).astype(np.float32)
     return 0.85 * normal[:1] + 0.53 * normal[1:]
+
+
+def apply_focus_blur(image: tf.Tensor, camera: CameraParams[Scalar], px_per_mm: tf.Tensor) -> tf.Tensor:
+    """Blur [3, H, W] by the camera's defocus."""
+    reach = math.ceil(1.25 * _MAX_BLUR_MM * max(image.shape[1:]) / 70)
+    return gaussian_blur(image, camera.blur_mm * px_per_mm, reach)
+
+
+def gaussian_blur(image: tf.Tensor, sigma_px: tf.Tensor, reach: int) -> tf.Tensor:
+    """Blur [..., H, W] by `sigma_px` with 2 * `reach` + 1 taps on each axis."""
+    taps = tf.exp(-0.5 * (tf.range(reach + 1, dtype=tf.float32) / tf.maximum(sigma_px, 1e-3)) ** 2)
+    taps = tf.unstack(taps / (2 * tf.reduce_sum(taps) - 1))
+    return _convolve(_convolve(image, taps, axis=-1), taps, axis=-2)
+
+
+def _convolve(image: tf.Tensor, taps: list[tf.Tensor], *, axis: int) -> tf.Tensor:
+    reach = len(taps) - 1
+    length = image.shape[axis]
+    first, last = (tf.repeat(tf.gather(image, [end], axis=axis), reach, axis=axis) for end in (0, length - 1))
+    # Repeating the border by hand: tf.pad's mirror modes cost more than the convolution.
+    padded = tf.concat([first, image, last], axis=axis)
+
+    def shifted(offset: int) -> tf.Tensor:
+        window = [slice(None)] * image.shape.rank
+        window[axis] = slice(reach + offset, reach + offset + length)
+        return padded[tuple(window)]
+
+    result = shifted(0) * taps[0]
+    for offset in range(1, reach + 1):
+        result += (shifted(offset) + shifted(-offset)) * taps[offset]
+    return result
 
 
 def add_sensor_noise(image: tf.Tensor, camera: CameraParams[Scalar], noise: tf.Tensor | None) -> tf.Tensor:
@@ -116,6 +139,12 @@ def halve_chroma(image: tf.Tensor) -> tf.Tensor:
     corners = [even[:, row::2, column::2] for row in (0, 1) for column in (0, 1)]
     mean = (corners[0] + corners[1] + corners[2] + corners[3]) / 4
     return mean - luma(mean)
+
+
+def luma(image: tf.Tensor) -> tf.Tensor:
+    """Return the luma [1, H, W] of an RGB image [3, H, W]."""
+    red, green, blue = LUMA_WEIGHTS
+    return red * image[:1] + green * image[1:2] + blue * image[2:]
 
 
 def record_with_chroma(image: tf.Tensor, chroma: tf.Tensor) -> tf.Tensor:

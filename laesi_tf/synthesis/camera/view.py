@@ -11,8 +11,12 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis.camera.params import CameraParams
-from laesi_tf.synthesis.geometry import ImageSize, project_points, px_per_mm_at, require_shape
-from laesi_tf.synthesis.polygons import polygon_centroid
+from laesi_tf.synthesis.geometry import (
+    ImageSize,
+    polygon_centroid,
+    project_points,
+    px_per_mm_at,
+)
 from laesi_tf.synthesis.ranges import Scalar
 
 IMAGE_BORDER = 0.02
@@ -36,7 +40,6 @@ def compute_view(camera: CameraParams[Scalar], outline: tf.Tensor, size: ImageSi
 
     `size` is (height, width) in pixels.
     """
-    require_shape("outline", outline, (None, 2))
     height, width = tf.unstack(tf.cast(size, tf.float32))
     extent = tf.reduce_max(outline, axis=0) - tf.reduce_min(outline, axis=0)
     fov = tf.clip_by_value(tf.reduce_max(extent) / camera.fill, camera.closest_mm, camera.farthest_mm)
@@ -49,7 +52,9 @@ def compute_view(camera: CameraParams[Scalar], outline: tf.Tensor, size: ImageSi
     zoom = tf.minimum(tf.reduce_min(free_space / box_size), 1)
     position = tf.stack([camera.place_x, camera.place_y])
     shift = IMAGE_BORDER * image_wh + position * (free_space - zoom * box_size) - zoom * corner
-    to_px = tf.linalg.matmul(_scale_and_shift(zoom, shift), homography)
+    # Scale by `zoom`, then shift, both in pixels.
+    move = tf.concat([shift, [1.0]], axis=0)[:, None] * np.array([0, 0, 1], np.float32)
+    to_px = tf.linalg.matmul(zoom * (_unit_matrix(0, 0) + _unit_matrix(1, 1)) + move, homography)
     return CameraView(to_px, px_per_mm_at(to_px, polygon_centroid(outline)), fov_mm=fov / zoom)
 
 
@@ -80,12 +85,6 @@ def _rotation_homography(angle: tf.Tensor) -> tf.Tensor:
         + tf.cos(angle) * in_plane
         + tf.sin(angle) * (_unit_matrix(1, 0) - _unit_matrix(0, 1))
     )
-
-
-def _scale_and_shift(zoom: tf.Tensor, shift: tf.Tensor) -> tf.Tensor:
-    """Return the homography of scaling by `zoom` and shifting by `shift` [2] pixels."""
-    move = tf.concat([shift, [1.0]], axis=0)[:, None] * np.array([0, 0, 1], np.float32)
-    return zoom * (_unit_matrix(0, 0) + _unit_matrix(1, 1)) + move
 
 
 def _unit_matrix(row: int, column: int) -> np.ndarray:

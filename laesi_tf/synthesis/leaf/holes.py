@@ -7,24 +7,19 @@ import tensorflow as tf
 
 from laesi_tf.synthesis.leaf.outline import bend_along_midrib, half_width
 from laesi_tf.synthesis.leaf.params import LeafParams
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Scalar
 
 HOLES = 3
 HOLE_POINTS = 40
 
 
-def sample_hole_numbers(streams: RandomStreams) -> tf.Tensor:
-    """Sample the uniform numbers [HOLES, 8] of one leaf's `hole_outlines`."""
-    return streams.uniform([HOLES, 8], Stream.HOLES)
-
-
 def hole_outlines(leaf: LeafParams[Scalar], numbers: tf.Tensor) -> tf.Tensor:
     """Return the outlines [HOLES, HOLE_POINTS, 2] mm of the leaf's holes.
 
-    Their orientation is opposite to that of the leaf's outline. An absent hole has radius zero and so no
-    area. Each has its own stretch of the midrib and stays within the middle of the half-blade, so holes meet
-    neither each other nor the edge. Bitten leaves have none: a bite may reach where a hole would be.
+    `numbers` [HOLES, 8] are uniform in [0, 1). Their orientation is opposite to that of the leaf's outline.
+    An absent hole has radius zero and so no area. Each has its own stretch of the midrib and stays within the
+    middle of the half-blade, so holes meet neither each other nor the edge. Bitten leaves have none: a bite
+    may reach where a hole would be.
     """
     along = 0.28 + (tf.range(HOLES, dtype=tf.float32) + 0.2 + 0.6 * numbers[:, 0]) * (0.44 / HOLES)
     available = half_width(leaf, along) * (1 - leaf.lobe_depth) * 0.5 * leaf.aspect

@@ -1,4 +1,4 @@
-"""The leaf's outline, its mesh and its area (paper, section 3.2).
+"""The leaf's outline (paper, section 3.2).
 
 The outline is a piecewise cubic curve through control points P' = P + N, left and right sides separately, in
 leaf coordinates: x along the midrib from the blade's base (0) to its tip, y across, both in mm. A petiole
@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis import curves, polygons
+from laesi_tf.synthesis import curves
+from laesi_tf.synthesis.geometry import cumulative_lengths
 from laesi_tf.synthesis.leaf.params import LeafParams
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Scalar
 
 CONTROLS = 49
@@ -22,7 +22,9 @@ SIDE_POINTS = 640
 PETIOLE_POINTS = 32
 OUTLINE_POINTS = 2048
 BITES = 2
-_ROUGHNESS_NODES = 96
+ROUGHNESS_NODES = 96
+_SIDE_BASIS = curves.catmull_rom(CONTROLS, SIDE_POINTS).T
+_ROUGHNESS_BASIS = curves.linear(ROUGHNESS_NODES, SIDE_POINTS).T
 
 
 class OutlineNumbers(NamedTuple):
@@ -33,22 +35,14 @@ class OutlineNumbers(NamedTuple):
 
 
 class OutlineCurve(NamedTuple):
-    """An outline through unevenly spaced `points` [n, 2] mm, and what `resample_outline` needs.
+    """An outline through unevenly spaced `points` [n, 2] mm, to be interpolated at even distances.
 
-    That is their `cumulative_lengths` [n + 1], and from `find_segments` the `segments` [OUTLINE_POINTS].
+    `lengths` [n + 1] are its `cumulative_lengths`, `segments` [OUTLINE_POINTS] come from `find_segments`.
     """
 
     points: tf.Tensor
     lengths: tf.Tensor
     segments: tf.Tensor
-
-
-def sample_outline_numbers(streams: RandomStreams) -> OutlineNumbers:
-    """Sample the random numbers of one leaf's outline."""
-    return OutlineNumbers(
-        normals=streams.normal([2, CONTROLS + 2 * _ROUGHNESS_NODES, 2], Stream.OUTLINE),
-        bites=streams.uniform([2, BITES, 3], Stream.BITES),
-    )
 
 
 def trace_outline(leaf: LeafParams[Scalar], numbers: OutlineNumbers) -> tuple[tf.Tensor, tf.Tensor]:
@@ -66,12 +60,7 @@ def trace_outline(leaf: LeafParams[Scalar], numbers: OutlineNumbers) -> tuple[tf
     path = tf.concat([petiole_along, along[0], along[1, ::-1], petiole_along[::-1]], axis=0)
     offset = tf.concat([-petiole_across, -across[0], across[1, ::-1], petiole_across[::-1]], axis=0)
     points = bend_along_midrib(leaf, path, offset)
-    return points, polygons.cumulative_lengths(points)
-
-
-def resample_outline(curve: OutlineCurve) -> tf.Tensor:
-    """Return the closed outline in leaf coordinates: [OUTLINE_POINTS, 2] mm, evenly spaced, with petiole."""
-    return polygons.interpolate_at(*curve)
+    return points, cumulative_lengths(points)
 
 
 def half_width(leaf: LeafParams[Scalar], along: tf.Tensor) -> tf.Tensor:
@@ -95,8 +84,7 @@ def _blade_sides(
     x = along - leaf.cordate * (s / 0.1) * tf.exp(1 - s / 0.1)
     x = x + leaf.lobe_lean * leaf.lobe_depth * leaf.aspect * lobe * envelope
     sigma = leaf.irregularity * leaf.aspect * tf.sin(math.pi * s)
-    basis = tf.constant(curves.catmull_rom(CONTROLS, SIDE_POINTS).T)
-    curve = (x + jitter[..., 0] * sigma) @ basis, (width + jitter[..., 1] * sigma) @ basis
+    curve = (x + jitter[..., 0] * sigma) @ _SIDE_BASIS, (width + jitter[..., 1] * sigma) @ _SIDE_BASIS
     return _displace_edge(leaf, curve, fine, bites)
 
 
@@ -122,7 +110,7 @@ def _displace_edge(
     saw = saw - tf.floor(saw)
     serration = leaf.tooth_height * tf.minimum(saw * 1.3, (1 - saw) * 4.3)
     waves = leaf.wave_height * tf.sin(2 * math.pi * leaf.waves * s + fine[:, :1] * 3)
-    rough = fine[:, _ROUGHNESS_NODES:] @ tf.constant(curves.linear(_ROUGHNESS_NODES, SIDE_POINTS).T)
+    rough = fine[:, ROUGHNESS_NODES:] @ _ROUGHNESS_BASIS
     ends = tf.constant(np.minimum(np.minimum(s, 1 - s) * 12, 1), tf.float32)
     out = (serration + waves + leaf.roughness * rough) * ends * tf.sqrt(leaf.aspect)
     step_x, step_y = (tf.pad(side[:, 2:] - side[:, :-2], [[0, 0], [1, 1]]) for side in curve)
@@ -167,21 +155,3 @@ def midrib(leaf: LeafParams[Scalar], along: tf.Tensor) -> tuple[tf.Tensor, tf.Te
     shrink = tf.where(t < 0, leaf.petiole_bend**2, leaf.bend**2 * (1 + leaf.bend_change) ** 2)
     point = tf.stack([t - shrink * t**3 / 6, y], axis=-1) * leaf.length_mm
     return point, tf.stack([tf.cos(heading), tf.sin(heading)], axis=-1)
-
-
-def leaf_area_cm2(points: tf.Tensor, hole_points: tf.Tensor) -> tf.Tensor:
-    """Return the label: summed area of the mesh triangles less the holes, cm2 (paper, "Data Preparation").
-
-    `points` [n, 2] and `hole_points` [k, m, 2] are in mm.
-    """
-    blade = tf.abs(tf.reduce_sum(polygons.signed_area(outline_triangles(points))))
-    return (blade - tf.reduce_sum(tf.abs(polygons.signed_area(hole_points)))) / 100
-
-
-def outline_triangles(points: tf.Tensor) -> tf.Tensor:
-    """Return the triangles [n - 2, 3, 2] of an outline [n, 2]: a strip between its left and right side."""
-    half = points.shape[0] // 2
-    left, right = points[:half], points[half:][::-1]
-    near = tf.stack([left[:-1], left[1:], right[:-1]], axis=1)
-    far = tf.stack([left[1:], right[1:], right[:-1]], axis=1)
-    return tf.concat([near, far], axis=0)

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import tensorflow as tf
 
 from laesi_tf.synthesis import light as lighting
-from laesi_tf.synthesis import noise, rasterizer
-from laesi_tf.synthesis.filters import blur_and_shift
+from laesi_tf.synthesis import rasterizer
 from laesi_tf.synthesis.geometry import ImageSize
+from laesi_tf.synthesis.leaf import relief
 from laesi_tf.synthesis.leaf import surface as surfaces
 from laesi_tf.synthesis.leaf.surface import SurfaceNoiseGrids, SurfaceParams
 from laesi_tf.synthesis.light import LightParams
@@ -69,57 +69,16 @@ def paint_leaf(
     if inputs.vein_sums is not None:
         veins = rasterizer.union_coverage(rasterizer.integrate_coverage(inputs.vein_sums, size)[0])
     if "surface" in components:
-        colour = leaf_colour(coverage, veins, inputs, surface, px_per_mm, components)
+        colour = surfaces.leaf_colour(
+            coverage, veins, inputs.grids, inputs.texture, surface, px_per_mm, components
+        )
     else:
         colour = surfaces.base_colours(surface)[0]
     slopes = None
     if "relief" in components:
-        height_mm = leaf_height_map(veins, surface, inputs.grids, px_per_mm, components, size)
-        slopes = surfaces.height_slopes(height_mm, px_per_mm)
+        height_mm = relief.leaf_height_map(veins, surface, inputs.grids, px_per_mm, components, size)
+        slopes = relief.height_slopes(height_mm, px_per_mm)
     return UnshadedLeaf(coverage, colour, slopes), tf.cast(coverage + 0.5, tf.uint8)
-
-
-def leaf_colour(
-    coverage: tf.Tensor,
-    veins: tf.Tensor | None,
-    inputs: LeafInputs,
-    surface: SurfaceParams[Scalar],
-    px_per_mm: tf.Tensor,
-    components: tuple[str, ...],
-) -> tf.Tensor:
-    """Return the colours [3, H, W] of the leaf's surface, from coverage by the leaf and its veins [H, W]."""
-    size, grids = (coverage.shape[0], coverage.shape[1]), inputs.grids
-    blend = surfaces.colour_blend_noise(surface, grids.blend, size)
-    mottle = surfaces.mottle_noise(surface, grids.mottle, size)
-    colour = surfaces.blend_leaf_colours(surface, blend, mottle, inputs.texture)
-    if "browned_margin" in components:
-        inwardness = tf.cond(
-            surface.margin_browned,
-            lambda: blur_and_shift(coverage, size, 3.0 * px_per_mm).values,
-            lambda: tf.ones_like(coverage),
-        )
-        colour = surfaces.apply_browned_edge(colour, surface, inwardness)
-    if "spots" in components:
-        colour = surfaces.apply_spots(colour, surface, surfaces.spot_coverage(surface, grids.spots, size))
-    return colour if veins is None else surfaces.apply_vein_colour(colour, surface, veins)
-
-
-def leaf_height_map(
-    veins: tf.Tensor | None,
-    surface: SurfaceParams[Scalar],
-    grids: SurfaceNoiseGrids,
-    px_per_mm: tf.Tensor,
-    components: tuple[str, ...],
-    size: ImageSize,
-) -> tf.Tensor:
-    """Return the height [H, W] of the leaf's surface in mm: raised veins, a bulging blade between them."""
-    height = noise.zero_field(size)
-    if "undulation" in components:
-        height += surfaces.undulation_height(surface, grids.undulation, size)
-    if veins is None:
-        return height.values
-    bulge = blur_and_shift(veins, size, 1.2 * px_per_mm) * (-1.6 * surface.quilting)
-    return (height + bulge).values + 0.12 * veins
 
 
 def shade_leaf(

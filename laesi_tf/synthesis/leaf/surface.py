@@ -1,4 +1,4 @@
-"""The leaf's surface: colours C1 and C2 blended by gradient noise, veins, relief, spots (paper, section 3.2).
+"""The leaf's colours: C1 and C2 blended by gradient noise, browned edge, spots, veins (paper, section 3.2).
 
 Fields are [H, W] and images [3, H, W], in image coordinates; lengths come in mm and are converted to pixels
 by the scale of the view.
@@ -11,8 +11,8 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import noise
+from laesi_tf.synthesis.filters import blur_and_shift
 from laesi_tf.synthesis.geometry import ImageSize
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Scalar, Value, interval, probability
 
 PALETTE = np.array(
@@ -31,8 +31,8 @@ PALETTE = np.array(
     np.float32,
 )
 """Fresh green to autumn brown, sRGB."""
-_BLEND_NODES = 16
-_FINE_NODES = 60
+BLEND_NODES = 16
+FINE_NODES = 60
 
 
 @dataclass(frozen=True)
@@ -78,27 +78,40 @@ class SurfaceNoiseGrids(NamedTuple):
     undulation: tf.Tensor
 
 
-def sample_surface_noise_grids(streams: RandomStreams) -> SurfaceNoiseGrids:
-    """Sample the numbers of one leaf's surface."""
-    return SurfaceNoiseGrids(
-        blend=streams.uniform([2, _BLEND_NODES, _BLEND_NODES], Stream.SURFACE_BLEND),
-        mottle=streams.uniform([_FINE_NODES, _FINE_NODES], Stream.SURFACE_MOTTLE),
-        spots=streams.uniform([_FINE_NODES, _FINE_NODES], Stream.SURFACE_SPOTS),
-        undulation=streams.uniform(
-            [2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Stream.SURFACE_UNDULATION
-        ),
-    )
-
-
-def sample_leaf_texture(textures: tf.Tensor, streams: RandomStreams, size: ImageSize) -> tf.Tensor:
+def cut_leaf_texture(textures: tf.Tensor, numbers: tf.Tensor, size: ImageSize) -> tf.Tensor:
     """Return a random square of one of `textures` [N, T, T, 3] at `size`: relief [3, H, W] around mean 1."""
-    numbers = streams.uniform([4], Stream.TEXTURE)
     count, side = tf.shape(textures)[0], textures.shape[1]
     texture = textures[tf.cast(numbers[0] * tf.cast(count, tf.float32), tf.int32)]
     crop = tf.cast((0.5 + 0.5 * numbers[1]) * side, tf.int32)
     corner = tf.cast(numbers[2:] * tf.cast(side - crop, tf.float32), tf.int32)
     square = tf.image.resize(texture[corner[0] : corner[0] + crop, corner[1] : corner[1] + crop], size)
     return tf.transpose(square, [2, 0, 1])
+
+
+def leaf_colour(
+    coverage: tf.Tensor,
+    veins: tf.Tensor | None,
+    grids: SurfaceNoiseGrids,
+    texture: tf.Tensor | None,
+    surface: SurfaceParams[Scalar],
+    px_per_mm: tf.Tensor,
+    components: tuple[str, ...],
+) -> tf.Tensor:
+    """Return the colours [3, H, W] of the leaf's surface, from coverage by the leaf and its veins [H, W]."""
+    size = (coverage.shape[0], coverage.shape[1])
+    blend = colour_blend_noise(surface, grids.blend, size)
+    mottle = mottle_noise(surface, grids.mottle, size)
+    colour = blend_leaf_colours(surface, blend, mottle, texture)
+    if "browned_margin" in components:
+        inwardness = tf.cond(
+            surface.margin_browned,
+            lambda: blur_and_shift(coverage, size, 3.0 * px_per_mm).values,
+            lambda: tf.ones_like(coverage),
+        )
+        colour = apply_browned_edge(colour, surface, inwardness)
+    if "spots" in components:
+        colour = apply_spots(colour, surface, spot_coverage(surface, grids.spots, size))
+    return colour if veins is None else apply_vein_colour(colour, surface, veins)
 
 
 def colour_blend_noise(surface: SurfaceParams[Scalar], gradients: tf.Tensor, size: ImageSize) -> tf.Tensor:
@@ -170,17 +183,3 @@ def apply_vein_colour(colour: tf.Tensor, surface: SurfaceParams[Scalar], coverag
     """Lighten or darken [3, H, W] by the veins' coverage V_e [H, W]."""
     pale = tf.where(surface.vein_contrast > 0, tf.constant([0.72, 0.74, 0.45]), 0.0)[:, None, None]
     return colour + tf.abs(surface.vein_contrast) * coverage * (pale - colour)
-
-
-def undulation_height(
-    surface: SurfaceParams[Scalar], jitter: tf.Tensor, size: ImageSize
-) -> noise.SeparableField:
-    """Return the Voronoi displacement of the blade's height, about [-1, 1] mm (vertex displacement)."""
-    return noise.voronoi_noise(jitter, size, cells=surface.undulation_cells) * surface.undulation
-
-
-def height_slopes(height_mm: tf.Tensor, px_per_mm: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Return the slopes dH/dx and dH/dy [H, W] of a height map in mm: the normal is (-dH/dx, -dH/dy, 1)."""
-    right = tf.pad(height_mm[:, 1:] - height_mm[:, :-1], [[0, 0], [0, 1]])
-    below = tf.pad(height_mm[1:] - height_mm[:-1], [[0, 1], [0, 0]])
-    return right * px_per_mm, below * px_per_mm

@@ -9,10 +9,9 @@ polygon.
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.synthesis.geometry import polygon_edges, stroke_outlines
 from laesi_tf.synthesis.leaf.outline import midrib
 from laesi_tf.synthesis.leaf.params import LeafParams
-from laesi_tf.synthesis.polygons import polygon_edges, stroke_outlines
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Scalar
 
 MAX_SECONDARY_VEINS = 14
@@ -20,19 +19,14 @@ SECONDARY_STEPS = 16
 MIDRIB_STEPS = 32
 
 
-def sample_turtle_noise(streams: RandomStreams) -> tf.Tensor:
-    """Sample the normal numbers [2, MAX_SECONDARY_VEINS, SECONDARY_STEPS + 2] of the turtles' commands."""
-    return streams.normal([2, MAX_SECONDARY_VEINS, SECONDARY_STEPS + 2], Stream.VEINS)
-
-
 def vein_edges(
     leaf: LeafParams[Scalar], turtle_noise: tf.Tensor, jitter: tf.Tensor, width_mm: tf.Tensor
 ) -> tf.Tensor:
     """Return the stroke edges of all veins, [n, 2 ends, 2] in leaf coordinates, mm, midrib first.
 
-    `turtle_noise` comes from `sample_turtle_noise`, `jitter` scales it, `width_mm` is the midrib's width at
-    the base. The number of edges is fixed, since compiled functions have fixed shapes: a vein that the leaf
-    lacks has no width.
+    `turtle_noise` [2, n, SECONDARY_STEPS + 2] is standard normal, `jitter` scales it, `width_mm` is the
+    midrib's width at the base. The number of edges is fixed, since compiled functions have fixed shapes: a
+    vein that the leaf lacks has no width.
     """
     along = tf.constant(np.linspace(-0.02, 0.96, MIDRIB_STEPS), tf.float32)
     middle, _ = midrib(leaf, along * leaf.length_mm)

@@ -8,10 +8,9 @@ import tensorflow as tf
 from laesi_tf.synthesis.colour import hsv_to_rgb
 from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.noise import simple_noise
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Scalar, Value, interval, probability
 
-_NODES = 46
+GRAIN_NODES = 46
 
 
 @dataclass(frozen=True)
@@ -29,11 +28,6 @@ class DeskParams(Generic[Value]):
     shadow: Value = interval(0.0, 0.5)
     """Darkening of the desk right beside the sheet."""
     shadow_mm: Value = interval(1.0, 8.0)
-
-
-def sample_desk_noise_grid(streams: RandomStreams) -> tf.Tensor:
-    """Sample the uniform numbers [n, n] of one desk's `desk_grain`."""
-    return streams.uniform([_NODES, _NODES], Stream.DESK_GRAIN)
 
 
 def desk_grain(desk: DeskParams[Scalar], grid: tf.Tensor, size: ImageSize) -> tf.Tensor:

@@ -11,11 +11,10 @@ from laesi_tf.synthesis.geometry import ImageSize, pixel_centres_to_sheet
 from laesi_tf.synthesis.paper import ruling
 from laesi_tf.synthesis.paper.desk import DeskParams, desk_grain, paint_desk
 from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges import Scalar
 
-_GRADIENT_NODES = 16
-_SIMPLE_NODES = 30
+GRADIENT_NODES = 16
+SIMPLE_NODES = 30
 
 
 class SheetNoiseGrids(NamedTuple):
@@ -29,21 +28,12 @@ class SheetNoiseGrids(NamedTuple):
     jitter: tf.Tensor
 
 
-def sample_sheet_noise_grids(streams: RandomStreams) -> SheetNoiseGrids:
-    """Sample the numbers of one sheet's `paper_noise`."""
-    return SheetNoiseGrids(
-        gradients=streams.uniform([2, _GRADIENT_NODES, _GRADIENT_NODES], Stream.PAPER_GRADIENT),
-        values=streams.uniform([2, _SIMPLE_NODES, _SIMPLE_NODES], Stream.PAPER_SIMPLE),
-        jitter=streams.uniform([2, noise.VORONOI_CELLS + 2, noise.VORONOI_CELLS + 2], Stream.PAPER_VORONOI),
-    )
-
-
 def paint_sheet_and_desk(
     paper: PaperParams[Scalar],
     sheet_grids: SheetNoiseGrids,
     desk: DeskParams[Scalar],
     desk_grid: tf.Tensor,
-    leaf_box: tf.Tensor,
+    outline: tf.Tensor,
     view: CameraView,
     ruling_cells: tf.Tensor | None,
     size: ImageSize,
@@ -51,10 +41,10 @@ def paint_sheet_and_desk(
 ) -> tf.Tensor:
     """Paint the sheet, and the desk where the sheet ends: [3, H, W].
 
-    `leaf_box` [2, 2] holds opposite corners of the leaf's bounding box in sheet mm; `ruling_cells` int32 [2,
+    `outline` [n, 2] is the leaf's in sheet mm; `ruling_cells` int32 [2,
     H, W] come from `compute_ruling_cells`, None without a ruling.
     """
-    shade, ink_strength, coverage = tf.ones(size), None, None
+    colour, shade, ink_strength, coverage = sheet_colour(paper), tf.ones(size), None, None
     if "paper_noise" in components:
         blend, ink_strength = paper_noise(paper, sheet_grids, size)
         shade += blend
@@ -75,14 +65,14 @@ def paint_sheet_and_desk(
         return absorbance if ink_strength is None else absorbance * ink_strength
 
     def sheet_everywhere() -> tf.Tensor:
-        return sheet_colour(paper) * shade * (1 - ink())
+        return colour * shade * (1 - ink())
 
     def sheet_on_desk() -> tf.Tensor:
-        distance_mm = distance_to_sheet_edge(paper, leaf_box, *pixel_centres_to_sheet(view.to_px, size))
+        distance_mm = distance_to_sheet_edge(paper, outline, *pixel_centres_to_sheet(view.to_px, size))
         is_printed = tf.clip_by_value((distance_mm - paper.border_mm) * view.px_per_mm + 0.5, 0, 1)
         is_sheet = tf.clip_by_value(distance_mm * view.px_per_mm + 0.5, 0, 1)
         table = paint_desk(desk, desk_grain(desk, desk_grid, size), distance_mm)
-        return table + is_sheet * (sheet_colour(paper) * shade * (1 - is_printed * ink()) - table)
+        return table + is_sheet * (colour * shade * (1 - is_printed * ink()) - table)
 
     return (
         tf.cond(paper.edged, sheet_on_desk, sheet_everywhere) if "desk" in components else sheet_everywhere()
@@ -120,13 +110,13 @@ def sheet_colour(paper: PaperParams[Scalar]) -> tf.Tensor:
 
 
 def distance_to_sheet_edge(
-    paper: PaperParams[Scalar], leaf_box: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor
+    paper: PaperParams[Scalar], outline: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor
 ) -> tf.Tensor:
     """Return the distance [H, W] in mm to the nearest side of the sheet; negative off the sheet.
 
-    The sheet surrounds the points `leaf_box` [n, 2]; all positions are in sheet mm.
+    The sheet surrounds the leaf's `outline` [n, 2]; all positions are in sheet mm.
     """
-    low = tf.reduce_min(leaf_box, axis=0) - tf.stack([paper.left, paper.top])
-    high = tf.reduce_max(leaf_box, axis=0) + tf.stack([paper.right, paper.bottom])
+    low = tf.reduce_min(outline, axis=0) - tf.stack([paper.left, paper.top])
+    high = tf.reduce_max(outline, axis=0) + tf.stack([paper.right, paper.bottom])
     middle, half = (low + high) / 2, (high - low) / 2
     return tf.minimum(half[0] - tf.abs(x_mm - middle[0]), half[1] - tf.abs(y_mm - middle[1]))

@@ -9,11 +9,11 @@ import tensorflow as tf
 from laesi_tf.synthesis.colour import hsv_to_rgb
 from laesi_tf.synthesis.geometry import project_points
 from laesi_tf.synthesis.props.placement import (
+    UNIT_SQUARE,
     PropContext,
     PropParams,
     PropShape,
     place_beside_leaf,
-    unit_square,
 )
 from laesi_tf.synthesis.ranges import Scalar, Value, constant, interval, probability
 
@@ -40,7 +40,7 @@ def make_calibration_square(
     numbers: tf.Tensor,
 ) -> list[PropShape]:
     """Return a flat red square beside the leaf, in the direction in which most of it is within the image."""
-    corners = unit_square() * square.calibration_mm / 2
+    corners = UNIT_SQUARE * square.calibration_mm / 2
     fractions = np.arange(_DIRECTIONS, dtype=np.float32) * (2 * math.pi / _DIRECTIONS)
     directions = tf.unstack(numbers[0] * 2 * math.pi + fractions)
     candidates = tf.stack(

@@ -7,12 +7,41 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import rasterizer
-from laesi_tf.synthesis.geometry import ImageSize, project_points
-from laesi_tf.synthesis.polygons import polygon_edges, resample_polygon
+from laesi_tf.synthesis.geometry import ImageSize, polygon_edges, project_points, resample_polygon
 from laesi_tf.synthesis.props.placement import PropContext, PropParams, PropShape
 from laesi_tf.synthesis.props.registry import PROPS
 from laesi_tf.synthesis.ranges import Scalar
-from laesi_tf.synthesis.windows import Window, window_around
+
+_WINDOW_STEP = 32
+
+
+class Window(NamedTuple):
+    """A rectangle of an image's pixels, int32 scalars."""
+
+    top: tf.Tensor
+    left: tf.Tensor
+    height: tf.Tensor
+    width: tf.Tensor
+
+    @property
+    def corner(self) -> tf.Tensor:
+        """Top left corner [2] (x, y) in pixels."""
+        return tf.cast(tf.stack([self.left, self.top]), tf.float32)
+
+    @property
+    def size(self) -> tuple[tf.Tensor, tf.Tensor]:
+        """Height and width."""
+        return self.height, self.width
+
+    def crop(self, image: tf.Tensor) -> tf.Tensor:
+        """Return the window's part of an image [3, H, W]."""
+        return tf.slice(image, [0, self.top, self.left], [3, self.height, self.width])
+
+    def pad_to_image(self, crop: tf.Tensor, size: ImageSize) -> tf.Tensor:
+        """Return an image [3, H, W] of zeros with `crop` [3, h, w] in the window."""
+        below, right = size[0] - self.top - self.height, size[1] - self.left - self.width
+        padding = [[0, 0], [self.top, below], [self.left, right]]
+        return tf.ensure_shape(tf.pad(crop, padding), [3, *size])
 
 
 class PropRaster(NamedTuple):
@@ -54,7 +83,7 @@ def rasterise_prop(
     layers = np.repeat(np.arange(len(shapes), dtype=np.int32), [polygon.shape[0] for polygon in edges])
     together = tf.concat(edges, axis=0)
     corners = together[:, 0]
-    window = window_around(
+    window = _window_around(
         tf.reduce_min(corners, axis=0), tf.reduce_max(corners, axis=0) + 1, context.image_wh
     )
     return PropRaster(
@@ -73,12 +102,28 @@ def _shape_edges(shape: PropShape, context: PropContext, max_side: int) -> tf.Te
     return polygon_edges(resample_polygon(project_points(context.to_px, shape.points), count))
 
 
+def _window_around(low: tf.Tensor, high: tf.Tensor, image_wh: tf.Tensor) -> Window:
+    """Return the window around the box from `low` [2] to `high` [2], (x, y) in pixels.
+
+    `image_wh` [2] is the image's width and height in pixels.
+    Its sides are multiples of 32 where the image is large enough: libraries that compile a kernel for each
+    shape then meet few shapes.
+    """
+    sides = tf.cast(image_wh, tf.int32)
+    corner = tf.clip_by_value(tf.cast(tf.floor(low), tf.int32), 0, sides - 1)
+    extent = tf.maximum(tf.cast(tf.math.ceil(high), tf.int32) - corner, 1)
+    extent = tf.minimum((extent + _WINDOW_STEP - 1) // _WINDOW_STEP * _WINDOW_STEP, sides)
+    left, top = tf.unstack(tf.minimum(corner, sides - extent))
+    width, height = tf.unstack(extent)
+    return Window(top, left, height, width)
+
+
 def composite_prop(image: tf.Tensor, raster: PropRaster, size: ImageSize) -> tf.Tensor:
     """Composite a prop over [3, H, W]."""
     window, count = raster.window, raster.colours.shape[0]
+    before = crop = window.crop(image)
     sums = rasterizer.sum_contributions(raster.contributions, window.size, layers=count)
     coverage = rasterizer.union_coverage(rasterizer.integrate_coverage(sums, window.size, layers=count))
-    before = crop = window.crop(image)
     for layer in range(count):
         crop += raster.opacities[layer] * coverage[layer] * (raster.colours[layer] - crop)
     return image + window.pad_to_image(crop - before, size)

@@ -7,7 +7,7 @@ import tensorflow as tf
 
 from laesi_tf.synthesis.colour import hsv_to_rgb
 from laesi_tf.synthesis.props.handwriting import InkParams, handwriting_stroke, ink_colour
-from laesi_tf.synthesis.props.placement import PropContext, PropShape, place_beside_leaf, unit_square
+from laesi_tf.synthesis.props.placement import UNIT_SQUARE, PropContext, PropShape, place_beside_leaf
 from laesi_tf.synthesis.ranges import Scalar, Value, interval, probability
 
 
@@ -30,7 +30,7 @@ def make_label(
         + tf.stack([0.0, (0.4 * i - 0.2) * height_mm])
         for i in range(2)
     ]
-    card = unit_square() * tf.stack([label.label_mm, height_mm]) / 2
+    card = UNIT_SQUARE * tf.stack([label.label_mm, height_mm]) / 2
     quarter_turns = tf.round(label.turn * 2 / math.pi) * (math.pi / 2)
     points = place_beside_leaf(
         tf.concat([card, *words], axis=0),

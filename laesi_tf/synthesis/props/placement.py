@@ -9,12 +9,15 @@ import math
 from dataclasses import dataclass
 from typing import Generic, NamedTuple
 
+import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis.ranges import Value, interval
 
 SHAPE_NUMBERS = 80
 """Uniform numbers that a prop's shape may use."""
+UNIT_SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float32)
+"""Corners [4, 2] of the square from -1 to 1."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +76,3 @@ def place_beside_leaf(
     support = tf.reduce_max(tf.linalg.matvec(context.outline, away))
     own = -tf.reduce_min(tf.linalg.matvec(turned, away))
     return turned + away * (support + own + gap_mm)
-
-
-def unit_square() -> tf.Tensor:
-    """Return the corners [4, 2] of the square from -1 to 1."""
-    return tf.constant([[-1, -1], [1, -1], [1, 1], [-1, 1]], tf.float32)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import tensorflow as tf
 
@@ -12,9 +12,9 @@ from laesi_tf.synthesis.props.fragment import FragmentParams, make_fragment
 from laesi_tf.synthesis.props.handwriting import HandwritingParams, make_handwriting
 from laesi_tf.synthesis.props.label import LabelParams, make_label
 from laesi_tf.synthesis.props.pen import PenParams, make_pen
-from laesi_tf.synthesis.props.placement import PropParams, PropShape
+from laesi_tf.synthesis.props.placement import SHAPE_NUMBERS, PropParams, PropShape
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
-from laesi_tf.synthesis.ranges import Range, Scalar, Value, field_count, fields_of, sample_params
+from laesi_tf.synthesis.ranges import Range, Scalar, Value, field_count, largest_params, sample_params
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,19 +57,35 @@ class PropsParams(
     """The parameters of all props: table [props] of a ranges file."""
 
 
+class SampledProp(NamedTuple):
+    """One prop of a scene.
+
+    Its parameters, the upper ends of their ranges, and the uniform numbers [SHAPE_NUMBERS] of its shape.
+    """
+
+    name: str
+    params: PropParams[Scalar]
+    largest: PropParams[float]
+    numbers: tf.Tensor
+
+    @property
+    def is_present(self) -> tf.Tensor:
+        """Whether the scene has it: bool []."""
+        return getattr(self.params, self.name)
+
+
+def sample_prop(name: str, ranges: PropsParams[Range], streams: RandomStreams) -> SampledProp:
+    """Sample prop `name` from its own streams."""
+    prop, own = PROPS[name], prop_ranges(name, ranges)
+    return SampledProp(
+        name=name,
+        params=sample_params(own, streams.uniform([field_count(own)], prop.stream)),
+        largest=largest_params(own),
+        numbers=streams.uniform([SHAPE_NUMBERS], prop.shape_stream),
+    )
+
+
 def prop_ranges(name: str, ranges: PropsParams[Range]) -> PropParams[Range]:
     """Return the ranges of prop `name` only."""
     fields = dataclasses.fields(PROPS[name].params)
     return PROPS[name].params(**{field.name: getattr(ranges, field.name) for field in fields})
-
-
-def sample_prop(name: str, ranges: PropsParams[Range], streams: RandomStreams) -> PropParams[Scalar]:
-    """Sample the parameters of prop `name` from its own stream."""
-    own = prop_ranges(name, ranges)
-    sampled: PropParams[Scalar] = sample_params(own, streams.uniform([field_count(own)], PROPS[name].stream))
-    return sampled
-
-
-def is_present(name: str, params: PropParams[Scalar]) -> tf.Tensor:
-    """Return whether the scene has prop `name`: bool []."""
-    return fields_of(params)[name]
