@@ -13,6 +13,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common import metrics
+from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.decoding import decode_photo
@@ -37,7 +38,7 @@ class TunableEstimator(Protocol):
         """Return the same estimator with other parameters."""
         ...
 
-    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+    def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`."""
         ...
 
@@ -45,7 +46,7 @@ class TunableEstimator(Protocol):
 class LabelledPhoto(NamedTuple):
     """A photo or scene of known leaf area."""
 
-    image: np.ndarray
+    image: RgbImage
     area_cm2: float
     info: PhotoInfo
 

@@ -7,10 +7,13 @@ places pixel centres at whole numbers; only `from_cv2_contour` and `to_cv2_point
 count whole pixels.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
+
+from laesi_tf.common.arrays import FloatMap, Homography, Mask, Points
 
 _SMOOTHING_PX = 1.0
 """Standard deviation of the blur, pixels, whose level of one half an outline follows: it removes steps."""
@@ -28,12 +31,12 @@ class ImageSize(NamedTuple):
     width: int
 
     @classmethod
-    def of(cls, image: np.ndarray) -> "ImageSize":
+    def of(cls, image: NDArray[Any]) -> "ImageSize":
         """Return the size of `image` [H, W, ...]."""
         return cls(image.shape[0], image.shape[1])
 
     @property
-    def xy(self) -> np.ndarray:
+    def xy(self) -> Points:
         """int [2]: the image's lower right corner, (width, height)."""
         return np.array([self.width, self.height])
 
@@ -41,39 +44,39 @@ class ImageSize(NamedTuple):
 class Polygon(NamedTuple):
     """An outline with its holes."""
 
-    outer: np.ndarray
+    outer: Points
     """[N, 2] outer contour."""
-    holes: tuple[np.ndarray, ...] = ()
+    holes: tuple[Points, ...] = ()
     """The contours [n, 2] of its holes."""
 
     @property
-    def rings(self) -> tuple[np.ndarray, ...]:
+    def rings(self) -> tuple[Points, ...]:
         """The outer contour, then those of the holes."""
         return self.outer, *self.holes
 
 
-def from_cv2_contour(contour: np.ndarray) -> np.ndarray:
+def from_cv2_contour(contour: NDArray[np.int32]) -> Points:
     """Return OpenCV's `contour` [N, 1, 2], pixel centres at whole numbers, as points float64 [N, 2]."""
     return contour[:, 0].astype(np.float64) + 0.5
 
 
-def to_cv2_points(points: np.ndarray, *, shift: int = 0) -> np.ndarray:
+def to_cv2_points(points: Points, *, shift: int = 0) -> NDArray[np.int32]:
     """Return `points` [N, 2] as int32 [N, 2] for OpenCV's drawing functions, with `shift` fractional bits."""
     return np.round((points - 0.5) * 2**shift).astype(np.int32)
 
 
-def pixel_centres(mask: np.ndarray) -> np.ndarray:
+def pixel_centres(mask: Mask) -> Points:
     """Return the centres [N, 2] of the nonzero pixels of `mask` [H, W]."""
-    return np.argwhere(mask)[:, ::-1] + 0.5
+    return np.argwhere(mask)[:, ::-1].astype(np.float64) + 0.5
 
 
-def apply_homography(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
+def apply_homography(homography: Homography, points: Points) -> Points:
     """Map `points` [N, 2] through a homography [3, 3]: float64 [N, 2]."""
     homogeneous = np.column_stack([points, np.ones(len(points))]) @ homography.T
     return homogeneous[:, :2] / homogeneous[:, 2:]
 
 
-def compute_mm2_per_px(to_mm: np.ndarray, points: np.ndarray) -> np.ndarray:
+def compute_mm2_per_px(to_mm: Homography, points: Points) -> Points:
     """Return the sheet area in mm2 that one pixel covers at `points` [N, 2]: float64 [N].
 
     It is the Jacobian's determinant of the homography `to_mm` [3, 3] from pixels to millimetres.
@@ -82,7 +85,7 @@ def compute_mm2_per_px(to_mm: np.ndarray, points: np.ndarray) -> np.ndarray:
     return abs(np.linalg.det(to_mm)) / np.abs(w) ** 3
 
 
-def compute_px_per_mm(to_mm: np.ndarray, point: np.ndarray) -> float:
+def compute_px_per_mm(to_mm: Homography, point: Points) -> float:
     """Return the scale at `point` [2] of a homography [3, 3] from pixels to millimetres.
 
     Where tilt makes the scale differ between directions it is their geometric mean.
@@ -90,18 +93,18 @@ def compute_px_per_mm(to_mm: np.ndarray, point: np.ndarray) -> float:
     return float(1 / np.sqrt(compute_mm2_per_px(to_mm, point[np.newaxis])[0]))
 
 
-def polygon_area(polygon: np.ndarray) -> float:
+def polygon_area(polygon: Points) -> float:
     """Return the area within `polygon` [N, 2] by the shoelace formula; its sign tells the orientation."""
     x, y = (polygon - polygon[0]).T
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
 
 
-def polygon_perimeter(polygon: np.ndarray) -> float:
+def polygon_perimeter(polygon: Points) -> float:
     """Return the length of the closed `polygon` [N, 2]."""
     return float(np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum())
 
 
-def polygon_centroid(polygon: np.ndarray) -> np.ndarray:
+def polygon_centroid(polygon: Points) -> Points:
     """Return the centroid [2] of the area within `polygon` [N, 2]."""
     middle = polygon.mean(axis=0)
     start, end = polygon - middle, np.roll(polygon - middle, -1, axis=0)
@@ -110,7 +113,7 @@ def polygon_centroid(polygon: np.ndarray) -> np.ndarray:
     return middle + moment / max(3 * abs(cross.sum()), 1e-9) * np.sign(cross.sum())
 
 
-def polygon_main_axis(polygon: np.ndarray) -> np.ndarray:
+def polygon_main_axis(polygon: Points) -> Points:
     """Return the direction [2], of unit length, in which the area within `polygon` [N, 2] extends most.
 
     It is the principal axis of the area's second moments and does not depend on where the vertices lie.
@@ -124,7 +127,7 @@ def polygon_main_axis(polygon: np.ndarray) -> np.ndarray:
     return np.linalg.eigh(moments * np.sign(cross.sum()))[1][:, 1]
 
 
-def trace_polygons(mask: np.ndarray) -> list[Polygon]:
+def trace_polygons(mask: Mask) -> list[Polygon]:
     """Trace the connected components of `mask`, bool [h, w], largest first; none of an empty mask.
 
     The outlines follow the level of one half of the slightly blurred mask, with subpixel precision. Holes of
@@ -147,7 +150,7 @@ def trace_polygons(mask: np.ndarray) -> list[Polygon]:
     return polygons
 
 
-def _move_to_half_level(blurred: np.ndarray, contour: np.ndarray) -> np.ndarray:
+def _move_to_half_level(blurred: FloatMap, contour: NDArray[np.int32]) -> Points:
     """Move the pixels of OpenCV's `contour` [N, 1, 2] along the gradient to where `blurred` is one half.
 
     Returns points [N, 2] in the mask without its padding.

@@ -11,11 +11,14 @@ attenuate their ruling, so that lines finer than a pixel fade in photos as they 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
+from laesi_tf.common.arrays import FloatMap, Mask, Points, RgbImage
 from laesi_tf.common.geometry import ImageSize
 
 
@@ -31,24 +34,24 @@ class Letterbox:
     """Size of the photo in the input."""
 
     @property
-    def scale(self) -> np.ndarray:
+    def scale(self) -> Points:
         """Input pixels per photo pixel (x, y); the two differ only by the rounding of `extent`."""
         return self.extent.xy / self.photo_size.xy
 
-    def to_input_points(self, points: np.ndarray) -> np.ndarray:
+    def to_input_points(self, points: Points) -> Points:
         """Map `points` [..., 2] from the photo to the input."""
         return points * self.scale + self.origin
 
-    def to_photo_points(self, points: np.ndarray) -> np.ndarray:
+    def to_photo_points(self, points: Points) -> Points:
         """Map `points` [..., 2] from the input to the photo."""
         return (points - np.array(self.origin)) / self.scale
 
-    def crop_and_resize_back(self, values: np.ndarray) -> np.ndarray:
+    def crop_and_resize_back(self, values: FloatMap) -> FloatMap:
         """Resample `values` [h, w] of the input to the photo: float32 [H, W]."""
         inside = np.asarray(values, np.float32)[self._slices()]
         return cv2.resize(inside, self.photo_size.xy.tolist(), interpolation=cv2.INTER_LINEAR)
 
-    def pad(self, image: np.ndarray, colour: np.ndarray | np.uint8) -> np.ndarray:
+    def pad(self, image: NDArray[np.uint8], colour: NDArray[np.uint8] | np.uint8) -> NDArray[np.uint8]:
         """Place `image` [height, width, ...] of size `extent` in an input that has `colour` elsewhere."""
         if self.extent == self.input_size:
             return image
@@ -72,24 +75,24 @@ def compute_letterbox(photo_size: tuple[int, int], input_size: tuple[int, int]) 
     return Letterbox(photo_size=photo, input_size=target, origin=origin, extent=extent)
 
 
-def letterbox_image(image: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, Letterbox]:
+def letterbox_image(image: RgbImage, size: tuple[int, int]) -> tuple[RgbImage, Letterbox]:
     """Resize `image`, uint8 [H, W, 3], to `size` (h, w): uint8 [h, w, 3] and its position there."""
     letterbox = compute_letterbox(ImageSize.of(image), size)
     small = _resize(image, letterbox.extent)
     return letterbox.pad(small, _border_median(small)), letterbox
 
 
-def letterbox_mask(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def letterbox_mask(mask: Mask, size: tuple[int, int]) -> NDArray[np.uint8]:
     """Resize `mask`, bool [H, W], to `size` as `letterbox_image` does: uint8 [h, w], 1 where half is leaf."""
     letterbox = compute_letterbox(ImageSize.of(mask), size)
     is_leaf = _resize(mask.astype(np.float32), letterbox.extent) >= 0.5
     return letterbox.pad(is_leaf.astype(np.uint8), np.uint8(0))
 
 
-def _resize(image: np.ndarray, extent: ImageSize) -> np.ndarray:
+def _resize(image: NDArray[Any], extent: ImageSize) -> NDArray[Any]:
     return np.array(Image.fromarray(image).resize((extent.width, extent.height), Image.Resampling.BILINEAR))
 
 
-def _border_median(image: np.ndarray) -> np.ndarray:
+def _border_median(image: RgbImage) -> NDArray[np.uint8]:
     border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
     return np.median(border, axis=0).astype(np.uint8)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import keras
 import numpy as np
 
+from laesi_tf.common.arrays import RgbImage
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.models.area_network import to_area_cm2
@@ -46,7 +47,7 @@ class AreaEstimator:
             px_per_mm = math.exp(output[1]) * float(photo_px[0])
         return AreaPrediction(area, px_per_mm if math.isfinite(px_per_mm) and px_per_mm > 0 else None)
 
-    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+    def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`, one leaf; `info` is not used."""
         area = self.predict_area(PhotoPyramid(image)).area_cm2
         if not math.isfinite(area):

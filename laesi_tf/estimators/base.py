@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
+from laesi_tf.common.arrays import Homography, Mask, Points, RgbImage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,15 +43,15 @@ class LeafMeasurement:
     """Length of the outer contour."""
     holes_cm2: float | None = None
     """Area of the holes, which `area_cm2` does not contain."""
-    outline: np.ndarray | None = None
+    outline: Points | None = None
     """[N, 2] outer contour, points (x, y) in photo pixels, see `common.geometry`."""
-    holes: tuple[np.ndarray, ...] = ()
+    holes: tuple[Points, ...] = ()
     """The contours [n, 2] of the holes."""
     note: str | None = None
     """A reason to doubt the area of this leaf, such as that the photo cuts it off."""
 
     @property
-    def rings(self) -> tuple[np.ndarray, ...]:
+    def rings(self) -> tuple[Points, ...]:
         """The outer contour and those of the holes; none without an outline."""
         return () if self.outline is None else (self.outline, *self.holes)
 
@@ -67,9 +67,9 @@ class Measurement:
     method: str
     """How it was measured, for people: `regression`, `mask x given scale`."""
     leaves: tuple[LeafMeasurement, ...] = ()
-    mask: np.ndarray | None = None
+    mask: Mask | None = None
     """bool [H, W] at the photo's size, True on any leaf; None from an estimator without masks."""
-    to_mm: np.ndarray | None = None
+    to_mm: Homography | None = None
     """Homography [3, 3] from photo pixels to mm on the sheet; None if not found."""
     tilt_deg: float | None = None
     """Angle between the optical axis and the sheet's normal; None if not found."""
@@ -95,7 +95,7 @@ class Measurement:
 class Estimator(Protocol):
     """A way to measure leaves on a photo."""
 
-    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+    def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure the leaves on `image`, uint8 [H, W, 3] RGB, upright, of any size.
 
         The same image gives the same measurement, independent of earlier ones; `image` is not changed. An
@@ -113,7 +113,7 @@ def sum_uncertainties(uncertainties: Sequence[float | None]) -> float | None:
     return sum(known) if len(known) == len(uncertainties) else None
 
 
-def sort_in_reading_order(boxes: np.ndarray) -> list[int]:
+def sort_in_reading_order(boxes: Points) -> list[int]:
     """Return the indices of `boxes` [N, 2, 2], corners (x, y), by rows from the top and from left to right.
 
     A box belongs to a row if its middle is not below the bottom of the row's first box.

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from laesi_tf.common.arrays import Homography, Points
 from laesi_tf.common.geometry import ImageSize, compute_mm2_per_px, compute_px_per_mm
 from laesi_tf.estimators.parameters import parameter
 
@@ -34,7 +35,7 @@ PHONE_CAMERA = CameraParams()
 class Ruling:
     """The ruling of the paper as read from a photo: a homography and how reliable it is."""
 
-    to_mm: np.ndarray
+    to_mm: Homography
     """Homography [3, 3] from photo pixels to millimetres on the sheet, up to a translation."""
     tilt_deg: float
     """Angle between the optical axis and the sheet's normal, see `estimate_tilt_deg`."""
@@ -45,17 +46,17 @@ class Ruling:
     median_residual: float
     """Median relative difference between the measured and the fitted frequency vectors."""
 
-    def mm2_per_px(self, points: np.ndarray) -> np.ndarray:
+    def mm2_per_px(self, points: Points) -> Points:
         """Return the sheet area in mm2 under one pixel at `points` [N, 2]: float64 [N]."""
         return compute_mm2_per_px(self.to_mm, points)
 
-    def px_per_mm(self, point: np.ndarray) -> float:
+    def px_per_mm(self, point: Points) -> float:
         """Return the scale at `point` [2]."""
         return compute_px_per_mm(self.to_mm, point)
 
 
 def estimate_tilt_deg(
-    to_mm: np.ndarray, size: tuple[int, int], *, camera: CameraParams = PHONE_CAMERA
+    to_mm: Homography, size: tuple[int, int], *, camera: CameraParams = PHONE_CAMERA
 ) -> float:
     """Estimate the angle in degrees between the optical axis and the sheet's normal.
 

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from laesi_tf.common.arrays import FloatMap, Mask, RgbImage
 from laesi_tf.estimators.parameters import parameter
 
 _PRIOR_WEIGHT = 0.02
@@ -54,19 +56,19 @@ class ColourModelParams:
 class ColourModel:
     """Colours of a leaf and its paper."""
 
-    log_odds: np.ndarray
+    log_odds: FloatMap
     """float32 [h, w], log-odds that a pixel is leaf by its colour."""
-    paper_mean: np.ndarray
+    paper_mean: NDArray[np.float32]
     """float32 [3], mean colour of the paper beside the leaf."""
-    paper_sd: np.ndarray
+    paper_sd: NDArray[np.float32]
     """float32 [3], its standard deviation, of which the ruling is most."""
 
 
 def fit_colour_model(
-    image: np.ndarray,
-    probability: np.ndarray,
+    image: RgbImage,
+    probability: FloatMap,
     network_px: float,
-    others: np.ndarray | None,
+    others: Mask | None,
     params: ColourModelParams,
 ) -> ColourModel | None:
     """Fit the colours of leaf and paper on `image`, uint8 [h, w, 3]; None with too few samples of either.
@@ -99,20 +101,20 @@ def fit_colour_model(
     return ColourModel(np.clip(log_odds, -bound, bound), paper.mean(axis=0), paper.std(axis=0))
 
 
-def distance_inside(mask: np.ndarray) -> np.ndarray:
+def distance_inside(mask: Mask) -> FloatMap:
     """Return the distance in pixels of each pixel of `mask`, bool [h, w], from the nearest one outside."""
     return cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
 
 
-def make_disc(radius: float) -> np.ndarray:
+def make_disc(radius: float) -> NDArray[np.uint8]:
     """Return a disc of at least one pixel's radius as a structuring element, uint8."""
     side = 2 * max(1, round(radius)) + 1
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
 
 
 def _select_samples(
-    probability: np.ndarray, unit: float, others: np.ndarray | None, params: ColourModelParams
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    probability: FloatMap, unit: float, others: Mask | None, params: ColourModelParams
+) -> tuple[Mask, Mask, Mask]:
     """Return pixels, bool [h, w] each, that are certainly leaf, paper around it, and paper close to it.
 
     One pixel of the network is `unit` pixels wide.
@@ -129,7 +131,9 @@ def _select_samples(
     return leaf, annulus, (distance_inside(~faint) <= reach) & paper
 
 
-def _fit_discriminant(leaf: np.ndarray, paper: np.ndarray, max_samples: int) -> np.ndarray:
+def _fit_discriminant(
+    leaf: NDArray[np.float32], paper: NDArray[np.float32], max_samples: int
+) -> NDArray[np.float32]:
     """Return Fisher's discriminant [3], of unit length, from colours of paper [m, 3] to leaf [n, 3]."""
     leaf, paper = _subsample(leaf, max_samples), _subsample(paper, max_samples)
     scatter = (np.cov(leaf.T) + np.cov(paper.T)) / 2
@@ -138,12 +142,12 @@ def _fit_discriminant(leaf: np.ndarray, paper: np.ndarray, max_samples: int) -> 
     return (direction / (np.linalg.norm(direction) + 1e-9)).astype(np.float32)
 
 
-def _subsample(colours: np.ndarray, count: int) -> np.ndarray:
+def _subsample(colours: NDArray[np.float32], count: int) -> NDArray[np.float32]:
     """Return about `count` of `colours` [n, 3], evenly spaced."""
     return colours[:: max(1, len(colours) // count)]
 
 
-def _local_mean(values: np.ndarray, mask: np.ndarray, window: int) -> np.ndarray:
+def _local_mean(values: FloatMap, mask: Mask, window: int) -> FloatMap:
     """Return the mean of `values` [h, w] over the pixels of `mask` in a window around each pixel."""
     weight = mask.astype(np.float32)
     count = cv2.blur(weight, (window, window)) + _PRIOR_WEIGHT

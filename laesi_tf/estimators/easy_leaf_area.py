@@ -14,6 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from laesi_tf.common.arrays import FloatMap, Mask, RgbImage
 from laesi_tf.common.geometry import pixel_centres, trace_polygons
 from laesi_tf.estimators.base import (
     UNKNOWN,
@@ -67,12 +68,12 @@ class Rule(NamedTuple):
     least: float
     ratios: tuple[float, float]
 
-    def matches(self, image: np.ndarray) -> np.ndarray:
+    def matches(self, image: RgbImage) -> Mask:
         """Return bool [...] for colours [..., 3]."""
         own, first, second = self.split(image)
         return (own > self.least) & (own > first * self.ratios[0]) & (own > second * self.ratios[1])
 
-    def split(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def split(self, image: RgbImage) -> tuple[FloatMap, FloatMap, FloatMap]:
         """Return the rule's channel and the other two, float32 [...] each."""
         own, first, second = np.moveaxis(image.astype(np.float32), -1, 0)[[self.channel, *self.others]]
         return own, first, second
@@ -94,7 +95,7 @@ _RED = (
 """Rules for certain leaf and certain square, strict to permissive; the first with enough pixels is used."""
 
 
-def fit_leaf_rule(sample: np.ndarray, min_share: float = EasyLeafAreaParams.min_sample_share) -> Rule | None:
+def fit_leaf_rule(sample: RgbImage, min_share: float = EasyLeafAreaParams.min_sample_share) -> Rule | None:
     """Fit the rule for leaf pixels to a reduced image, uint8 [h, w, 3]; None where nothing is green."""
     found = _average_colour(sample, _GREEN, min_share)
     if found is None:
@@ -104,9 +105,7 @@ def fit_leaf_rule(sample: np.ndarray, min_share: float = EasyLeafAreaParams.min_
     return Rule(1, max(10.0, 1.223 * green - 111), (float(ratios[0]), float(ratios[1])))
 
 
-def fit_square_rule(
-    sample: np.ndarray, min_share: float = EasyLeafAreaParams.min_sample_share
-) -> Rule | None:
+def fit_square_rule(sample: RgbImage, min_share: float = EasyLeafAreaParams.min_sample_share) -> Rule | None:
     """Fit the rule for pixels of a red square as `fit_leaf_rule` does; None where nothing is red."""
     found = _average_colour(sample, _RED, min_share)
     if found is None:
@@ -117,7 +116,7 @@ def fit_square_rule(
 
 
 def _average_colour(
-    sample: np.ndarray, rules: tuple[Rule, ...], min_share: float
+    sample: RgbImage, rules: tuple[Rule, ...], min_share: float
 ) -> tuple[float, float, float] | None:
     """Return the means of the rules' channel and of its ratios to the others over matching pixels."""
     masks = (rule.matches(sample) for rule in rules)
@@ -141,7 +140,7 @@ class EasyLeafArea:
         """Return an estimator with other parameters."""
         return EasyLeafArea(params)
 
-    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+    def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`; a given scale is used where there is no square."""
         pyramid = PhotoPyramid(image)
         leaf_mask, red_mask = self._apply_rules(pyramid.overview.image)
@@ -156,7 +155,7 @@ class EasyLeafArea:
         refusal = _NO_SQUARE if px_per_mm is None else None
         return Measurement(method=method, leaves=leaves, mask=mask, refusal=refusal)
 
-    def _apply_rules(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _apply_rules(self, image: RgbImage) -> tuple[Mask, Mask]:
         """Return masks, bool [h, w] each, of leaf pixels and of red pixels that are not leaf."""
         step = max(1, round(max(image.shape[:2]) / self.params.sample_side_px))
         sample, nothing = image[::step, ::step], np.zeros(image.shape[:2], bool)
@@ -165,7 +164,7 @@ class EasyLeafArea:
         leaf_mask = nothing if green is None else green.matches(image)
         return leaf_mask, nothing if red is None else red.matches(image) & ~leaf_mask
 
-    def _find_leaf_components(self, leaf_mask: np.ndarray, crop: Crop) -> list[PlacedMask]:
+    def _find_leaf_components(self, leaf_mask: Mask, crop: Crop) -> list[PlacedMask]:
         """Return the components of `leaf_mask`, bool [h, w] over a crop, large enough, in reading order."""
         _, labels, boxes, _ = cv2.connectedComponentsWithStats(leaf_mask.astype(np.uint8), connectivity=4)
         least = self.params.min_leaf_share * leaf_mask.size
@@ -180,7 +179,7 @@ class EasyLeafArea:
         order = sort_in_reading_order(np.array(corners).reshape(-1, 2, 2))
         return [components[index] for index in order]
 
-    def _find_square(self, red_mask: np.ndarray) -> int:
+    def _find_square(self, red_mask: Mask) -> int:
         """Return the pixels of the largest component of `red_mask`, bool [h, w]; 0 if it is no square."""
         params = self.params
         _, labels, boxes, _ = cv2.connectedComponentsWithStats(red_mask.astype(np.uint8), connectivity=4)

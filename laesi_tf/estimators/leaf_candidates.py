@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from laesi_tf.common.arrays import FloatMap, Mask, Points
 from laesi_tf.common.geometry import pixel_centres
 from laesi_tf.data.letterbox import Letterbox
 from laesi_tf.estimators.parameters import parameter
@@ -77,13 +79,13 @@ class LeafCandidate:
     """A connected component that may be a leaf, in a crop of the photo."""
 
     crop: Crop
-    probability: np.ndarray
+    probability: FloatMap
     """float32 [h, w], leaf probability of every pixel of the network's input."""
     letterbox: Letterbox
     """Position of the crop in the network's input."""
-    component: np.ndarray
+    component: Mask
     """bool [h, w], True on the component in the network's input."""
-    box: np.ndarray
+    box: Points
     """[[left, top], [right, bottom]] of the component in photo pixels."""
     is_inside_crop: bool
     """False where the component reaches a side of the crop beyond which the photo continues."""
@@ -106,13 +108,13 @@ class LeafCandidate:
         pixel = self.crop.pixel_size / self.letterbox.scale
         return float(np.count_nonzero(self.component) * pixel.prod())
 
-    def own_probability(self) -> np.ndarray:
+    def own_probability(self) -> FloatMap:
         """Return `probability` with all other components set to 0."""
         # One pixel around the component keeps its slope, which interpolation needs.
         near = _dilate(self.component)
         return np.where(near | (self.probability < self.params.leaf_probability), self.probability, 0)
 
-    def other_leaves_mask(self) -> np.ndarray:
+    def other_leaves_mask(self) -> Mask:
         """Return a mask, bool [h, w], of the other components that are large enough to be leaves."""
         others = (self.probability >= self.params.overview_probability) & ~self.component
         _, labels, statistics, _ = cv2.connectedComponentsWithStats(others.astype(np.uint8))
@@ -122,14 +124,14 @@ class LeafCandidate:
         is_large[np.unique(labels[_dilate(self.component)])] = False
         return is_large[labels]
 
-    def contains(self, points: np.ndarray) -> np.ndarray:
+    def contains(self, points: Points) -> Mask:
         """Return whether photo pixels `points` [N, 2] lie on the component: bool [N]."""
         column, row = np.floor(self.letterbox.to_input_points(self.crop.from_photo(points))).astype(int).T
         height, width = self.component.shape
         is_inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
         return is_inside & self.component[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
 
-    def pixel_centres(self) -> np.ndarray:
+    def pixel_centres(self) -> Points:
         """Return the centres [N, 2] of the component's pixels in photo pixels."""
         return self.crop.to_photo(self.letterbox.to_photo_points(pixel_centres(self.component)))
 
@@ -142,7 +144,7 @@ class LeafCandidate:
 def extract_candidates(
     pyramid: PhotoPyramid,
     crop: Crop,
-    probability: np.ndarray,
+    probability: FloatMap,
     letterbox: Letterbox,
     threshold: float,
     params: LeafDetectorParams,
@@ -172,8 +174,8 @@ def extract_candidates(
 
 
 def _locate(
-    pyramid: PhotoPyramid, crop: Crop, letterbox: Letterbox, statistics: np.ndarray
-) -> tuple[np.ndarray, bool]:
+    pyramid: PhotoPyramid, crop: Crop, letterbox: Letterbox, statistics: NDArray[np.int32]
+) -> tuple[Points, bool]:
     """Return a component's box [2, 2] in photo pixels and whether it lies inside the crop."""
     left, top, width, height = statistics[:4]
     end = crop.size.xy
@@ -195,17 +197,17 @@ def remove_duplicates(candidates: Sequence[LeafCandidate]) -> list[LeafCandidate
     return kept
 
 
-def square_around(box: np.ndarray, side: float) -> np.ndarray:
+def square_around(box: Points, side: float) -> Points:
     """Return the square [2, 2] of `side` pixels with the centre of `box` [2, 2]."""
     middle = box.mean(axis=0)
     return np.stack([middle - side / 2, middle + side / 2])
 
 
-def box_iou(first: np.ndarray, second: np.ndarray) -> float:
+def box_iou(first: Points, second: Points) -> float:
     """Return the intersection over union of two boxes [[left, top], [right, bottom]]."""
     shared = np.clip(np.minimum(first[1], second[1]) - np.maximum(first[0], second[0]), 0, None).prod()
     return float(shared / ((first[1] - first[0]).prod() + (second[1] - second[0]).prod() - shared))
 
 
-def _dilate(mask: np.ndarray) -> np.ndarray:
+def _dilate(mask: Mask) -> Mask:
     return cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0

@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from laesi_tf.common.arrays import FloatMap, Points, RgbImage
 from laesi_tf.common.geometry import ImageSize
 from laesi_tf.data.letterbox import Letterbox, letterbox_image
 from laesi_tf.estimators.leaf_candidates import (
@@ -23,7 +25,7 @@ from laesi_tf.estimators.leaf_candidates import (
 )
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 
-MaskPredictor = Callable[[np.ndarray], np.ndarray]
+MaskPredictor = Callable[[NDArray[np.uint8]], NDArray[np.float32]]
 """A mask network: uint8 [N, h, w, 3] -> leaf probability, float32 [N, h, w, 1]."""
 
 _MAX_MEDIAN_SIDE = 255
@@ -60,8 +62,8 @@ class LeafDetector:
         return found[:1] + self._confirm_at_lower_zoom(pyramid, found[1:])
 
     def _extract(
-        self, pyramid: PhotoPyramid, values: np.ndarray, letterbox: Letterbox, threshold: float
-    ) -> list[np.ndarray]:
+        self, pyramid: PhotoPyramid, values: FloatMap, letterbox: Letterbox, threshold: float
+    ) -> list[Points]:
         """Return the boxes of the components of `values` [h, w] in the overview."""
         components = extract_candidates(pyramid, pyramid.overview, values, letterbox, threshold, self._params)
         return [component.box for component in components]
@@ -92,7 +94,7 @@ class LeafDetector:
         more = self._zoom_in(pyramid, boxes, self._params.first_crop_of_leaf * typical)
         return remove_duplicates(found + self._drop_small(more, found))
 
-    def _segment_by_colour(self, overview: np.ndarray, letterbox: Letterbox) -> np.ndarray:
+    def _segment_by_colour(self, overview: RgbImage, letterbox: Letterbox) -> FloatMap:
         """Return 1 where `overview`, uint8 [h, w, 3], differs in colour from the sheet, else 0: float32."""
         side = min(_MAX_MEDIAN_SIDE, min(letterbox.extent) // 3 | 1)
         difference = cv2.absdiff(overview, cv2.medianBlur(overview, side)).max(axis=2)
@@ -121,7 +123,7 @@ class LeafDetector:
             if any(box_iou(candidate.box, other.box) > self._params.confirmation_iou for other in again)
         ]
 
-    def _tile_photo(self, size: ImageSize, leaf: float) -> Iterator[np.ndarray]:
+    def _tile_photo(self, size: ImageSize, leaf: float) -> Iterator[Points]:
         """Yield overlapping squares [2, 2] over a photo whose leaves are `leaf` pixels long."""
         side = min(self._params.tile_side * leaf, float(min(size)))
         stride = self._params.tile_stride * leaf
@@ -131,7 +133,7 @@ class LeafDetector:
                 yield np.array([[left, top], [left + side, top + side]])
 
     def _zoom_in(
-        self, pyramid: PhotoPyramid, boxes: Sequence[np.ndarray], min_side: float
+        self, pyramid: PhotoPyramid, boxes: Sequence[Points], min_side: float
     ) -> list[LeafCandidate]:
         """Crop the photo around `boxes`, closer and closer, until each component fills its crop.
 
@@ -139,7 +141,7 @@ class LeafDetector:
         """
         params = self._params
         found: list[LeafCandidate] = []
-        tried: list[np.ndarray] = []
+        tried: list[Points] = []
         waiting = self._drop_similar_boxes(boxes, tried)
         for _ in range(params.max_rounds):
             tried += waiting
@@ -160,7 +162,7 @@ class LeafDetector:
         return found
 
     def _segment_crops(
-        self, pyramid: PhotoPyramid, boxes: Sequence[np.ndarray], threshold: float
+        self, pyramid: PhotoPyramid, boxes: Sequence[Points], threshold: float
     ) -> list[LeafCandidate]:
         """Return the components above a threshold in a crop of each box."""
         step = self._params.max_crops
@@ -170,7 +172,7 @@ class LeafDetector:
         ]
 
     def _segment_batch(
-        self, pyramid: PhotoPyramid, boxes: Sequence[np.ndarray], threshold: float
+        self, pyramid: PhotoPyramid, boxes: Sequence[Points], threshold: float
     ) -> list[LeafCandidate]:
         sides = {"min_side": self._params.min_crop_px, "max_side": self._params.max_crop_px}
         crops = [pyramid.crop_around(box, **sides) for box in boxes]
@@ -184,17 +186,15 @@ class LeafDetector:
             )
         ]
 
-    def _drop_similar_boxes(
-        self, boxes: Sequence[np.ndarray], tried: Sequence[np.ndarray]
-    ) -> list[np.ndarray]:
+    def _drop_similar_boxes(self, boxes: Sequence[Points], tried: Sequence[Points]) -> list[Points]:
         """Return `boxes` without those that overlap much with another of them or with one of `tried`."""
-        kept: list[np.ndarray] = []
+        kept: list[Points] = []
         for box in boxes:
             if all(box_iou(box, other) <= self._params.duplicate_iou for other in [*tried, *kept]):
                 kept.append(box)
         return kept[: self._params.max_crops]
 
-    def _crop_square(self, box: np.ndarray, min_side: float) -> np.ndarray:
+    def _crop_square(self, box: Points, min_side: float) -> Points:
         """Return the square [2, 2] to crop around `box`, at least `min_side` photo pixels wide."""
         side = self._params.crop_side * float((box[1] - box[0]).max())
         return square_around(box, max(min_side, side))

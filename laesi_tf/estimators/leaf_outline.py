@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from laesi_tf.common.arrays import Homography, Mask, Points
 from laesi_tf.common.geometry import (
     ImageSize,
     Polygon,
@@ -25,7 +26,7 @@ from laesi_tf.estimators.photo_pyramid import Crop
 
 CUT_OFF = "cut off by the photo's border: at least this much"
 
-PlacedMask = tuple[Crop, np.ndarray]
+PlacedMask = tuple[Crop, Mask]
 """A leaf as a mask, bool [h, w], in a crop of the photo."""
 
 
@@ -62,7 +63,7 @@ class LeafOutline:
     """A leaf's outline in photo pixels."""
 
     crop: Crop
-    mask: np.ndarray
+    mask: Mask
     """bool [h, w], the leaf in the crop."""
     polygon: Polygon
     """Its outline and holes in photo pixels."""
@@ -81,7 +82,7 @@ class LeafOutline:
         note = CUT_OFF if self.is_cut_off else None
         return LeafMeasurement(outline=self.polygon.outer, holes=self.polygon.holes, note=note)
 
-    def measure(self, to_mm: np.ndarray) -> LeafMeasurement:
+    def measure(self, to_mm: Homography) -> LeafMeasurement:
         """Measure the leaf through a homography [3, 3] from photo pixels to millimetres."""
         outer, *holes = (apply_homography(to_mm, ring) for ring in self.polygon.rings)
         shape = measure_polygon(Polygon(outer, tuple(holes)))
@@ -132,7 +133,7 @@ def outline_leaf(candidate: LeafCandidate, size: ImageSize, params: LeafOutlineP
     )
 
 
-def looks_like_pen(outline: np.ndarray, params: LeafOutlineParams) -> bool:
+def looks_like_pen(outline: Points, params: LeafOutlineParams) -> bool:
     """Return whether `outline` [N, 2] is a pen's rather than a leaf's: slender, and it fills its box."""
     points = outline.astype(np.float32)
     _, sides, _ = cv2.minAreaRect(points)
@@ -145,7 +146,7 @@ def coarse_mask(candidate: LeafCandidate) -> PlacedMask:
     return candidate.crop, candidate.letterbox.crop_and_resize_back(candidate.own_probability()) >= 0.5
 
 
-def paint_masks(masks: Iterable[PlacedMask], target: Crop) -> np.ndarray:
+def paint_masks(masks: Iterable[PlacedMask], target: Crop) -> Mask:
     """Return a mask, bool [H, W], of all leaves in `target`, a crop of the same photo."""
     painted = np.zeros(target.size, bool)
     for crop, mask in masks:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import keras
 import numpy as np
 
+from laesi_tf.common.arrays import RgbImage
 from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams
 from laesi_tf.estimators.leaf_detector import LeafDetector
@@ -55,7 +56,7 @@ class MaskEstimator:
         changed._detector = LeafDetector(self._predict, self._input_size, params.detector)
         return changed
 
-    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+    def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`; a refusal for want of a scale has a mask and outlines."""
         pyramid = PhotoPyramid(image)
         outlines = self.outline_leaves(self.detect_leaves(pyramid), pyramid)

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from laesi_tf.common.arrays import FloatMap, Mask, RgbImage
 from laesi_tf.estimators.colour_model import (
     ColourModel,
     ColourModelParams,
@@ -60,18 +62,18 @@ class MaskRefinementParams:
 class RefinedMask:
     """A leaf in a crop of a photo."""
 
-    mask: np.ndarray
+    mask: Mask
     """bool [h, w]."""
     expected_errors_px: float
     """Expected number of misclassified pixels: the sum of the probabilities of the less likely class."""
 
 
 def refine_mask(
-    image: np.ndarray,
-    probability: np.ndarray,
+    image: RgbImage,
+    probability: FloatMap,
     network_px: float,
     *,
-    others: np.ndarray | None = None,
+    others: Mask | None = None,
     params: MaskRefinementParams | None = None,
 ) -> RefinedMask:
     """Refine the mask of the leaf that a network predicts on `image`, uint8 [h, w, 3].
@@ -101,13 +103,13 @@ def refine_mask(
 
 
 def _add_petiole(
-    leaf: np.ndarray,
-    core: np.ndarray,
-    log_odds: np.ndarray,
-    distance: np.ndarray,
+    leaf: Mask,
+    core: Mask,
+    log_odds: FloatMap,
+    distance: FloatMap,
     network_px: float,
     params: MaskRefinementParams,
-) -> np.ndarray:
+) -> Mask:
     """Return `leaf`, bool [h, w], with its petiole, without thin spurs of ink and unconnected components.
 
     `core` is the network's mask, `distance` that of each pixel from it.
@@ -126,7 +128,7 @@ def _add_petiole(
     return (labels == counts.argmax()) & mask
 
 
-def _find_petiole(beyond: np.ndarray, distance: np.ndarray, reach: float, max_radius: float) -> np.ndarray:
+def _find_petiole(beyond: Mask, distance: FloatMap, reach: float, max_radius: float) -> Mask:
     """Return the component of `beyond`, bool [h, w], that may be a petiole: the largest thin one that ends.
 
     Lines of a bold ruling do not end: they continue to where they are no longer followed, or to the border
@@ -144,8 +146,8 @@ def _find_petiole(beyond: np.ndarray, distance: np.ndarray, reach: float, max_ra
 
 
 def _fill_glossy_holes(
-    mask: np.ndarray, image: np.ndarray, colours: ColourModel, params: MaskRefinementParams
-) -> np.ndarray:
+    mask: Mask, image: RgbImage, colours: ColourModel, params: MaskRefinementParams
+) -> Mask:
     """Fill the holes of `mask`, bool [h, w], that do not show paper: gloss on a leaf is pale, too."""
     count, labels, statistics, _ = cv2.connectedComponentsWithStats((~mask).astype(np.uint8), connectivity=4)
     filled = mask.copy()
@@ -159,7 +161,7 @@ def _fill_glossy_holes(
     return filled
 
 
-def _looks_like_paper(hole: np.ndarray, colours: ColourModel, params: MaskRefinementParams) -> bool:
+def _looks_like_paper(hole: NDArray[np.float32], colours: ColourModel, params: MaskRefinementParams) -> bool:
     """Return whether the colours `hole` [n, 3] are the paper's, perhaps in shadow.
 
     They show the ruling and are neither greener nor much brighter.
@@ -170,18 +172,18 @@ def _looks_like_paper(hole: np.ndarray, colours: ColourModel, params: MaskRefine
     return bool(shows_ruling and not is_green and green <= params.hole_max_brightness)
 
 
-def _open_by_distance(mask: np.ndarray, radius: float) -> np.ndarray:
+def _open_by_distance(mask: Mask, radius: float) -> Mask:
     """Return the parts of `mask`, bool [h, w], that a disc of `radius` pixels fits into."""
     centres = distance_inside(mask) > radius
     return distance_inside(~centres) <= radius if centres.any() else centres
 
 
-def _logit(probability: np.ndarray) -> np.ndarray:
+def _logit(probability: FloatMap) -> FloatMap:
     bounded = np.clip(probability, 1e-4, 1 - 1e-4)
     return np.log(bounded / (1 - bounded))
 
 
-def _count_expected_errors(log_odds: np.ndarray, bound: float) -> float:
+def _count_expected_errors(log_odds: FloatMap, bound: float) -> float:
     """Return the expected number of misclassified pixels where `log_odds` [h, w] are within the bound."""
     uncertain = np.abs(log_odds[np.abs(log_odds) < bound])
     return float((1 / (1 + np.exp(uncertain))).sum())

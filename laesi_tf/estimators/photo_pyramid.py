@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from laesi_tf.common.arrays import Points, RgbImage
 from laesi_tf.common.geometry import ImageSize
 from laesi_tf.data.letterbox import Letterbox, letterbox_image
 
@@ -20,11 +21,11 @@ OVERVIEW_SIDE_PX = 1536
 class Crop:
     """A rectangle of a photo, possibly shrunk."""
 
-    image: np.ndarray
+    image: RgbImage
     """uint8 [h, w, 3]."""
-    origin: np.ndarray
+    origin: Points
     """Its upper left corner (x, y) in photo pixels."""
-    pixel_size: np.ndarray
+    pixel_size: Points
     """Width and height (x, y) of one of its pixels in photo pixels."""
 
     @property
@@ -32,11 +33,11 @@ class Crop:
         """Height and width of `image`."""
         return ImageSize.of(self.image)
 
-    def to_photo(self, points: np.ndarray) -> np.ndarray:
+    def to_photo(self, points: Points) -> Points:
         """Map `points` [..., 2] from pixels of the crop to photo pixels."""
         return points * self.pixel_size + self.origin
 
-    def from_photo(self, points: np.ndarray) -> np.ndarray:
+    def from_photo(self, points: Points) -> Points:
         """Map `points` [..., 2] from photo pixels to pixels of the crop."""
         return (points - self.origin) / self.pixel_size
 
@@ -44,24 +45,24 @@ class Crop:
 class PhotoPyramid:
     """Overview and crops of one photo."""
 
-    def __init__(self, image: np.ndarray) -> None:
+    def __init__(self, image: RgbImage) -> None:
         """Take a photo, uint8 [H, W, 3]."""
         self.photo = Crop(image, np.zeros(2), np.ones(2))
         self.overview = shrink(self.photo, OVERVIEW_SIDE_PX)
-        self._letterboxed: dict[tuple[int, int], tuple[np.ndarray, Letterbox]] = {}
+        self._letterboxed: dict[tuple[int, int], tuple[RgbImage, Letterbox]] = {}
 
     @property
     def size(self) -> ImageSize:
         """Height and width of the photo."""
         return self.photo.size
 
-    def letterboxed(self, size: tuple[int, int]) -> tuple[np.ndarray, Letterbox]:
+    def letterboxed(self, size: tuple[int, int]) -> tuple[RgbImage, Letterbox]:
         """Return the overview in a network's input of `size` (height, width), made once per size."""
         if size not in self._letterboxed:
             self._letterboxed[size] = letterbox_image(self.overview.image, size)
         return self._letterboxed[size]
 
-    def crop_around(self, box: np.ndarray, *, min_side: int, max_side: int) -> Crop:
+    def crop_around(self, box: Points, *, min_side: int, max_side: int) -> Crop:
         """Return the part of the photo within `box` [[left, top], [right, bottom]], photo pixels.
 
         Its longer side has at most `max_side` pixels, and at least `min_side` where the photo has as many.
@@ -82,7 +83,7 @@ def shrink(crop: Crop, max_side: int) -> Crop:
     return Crop(small, crop.origin, crop.pixel_size * size / [width, height])
 
 
-def _crop(crop: Crop, box: np.ndarray) -> Crop:
+def _crop(crop: Crop, box: Points) -> Crop:
     """Return the pixels of `crop` that `box` [2, 2], in photo pixels, touches."""
     size = crop.size.xy
     start, end = crop.from_photo(box)

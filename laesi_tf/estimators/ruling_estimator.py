@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from laesi_tf.common.arrays import Homography, Mask, RgbImage
 from laesi_tf.common.geometry import compute_px_per_mm
 from laesi_tf.estimators.area_estimator import AreaEstimator, AreaPrediction
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
@@ -80,7 +81,7 @@ class RulingEstimator:
         """Return an estimator with the same networks and other parameters."""
         return RulingEstimator(self._mask_estimator, self._area_estimator, params)
 
-    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
+    def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`; `info.grid_mm` is used, `info.px_per_mm` is not."""
         pyramid = PhotoPyramid(image)
         # The area network learned scales on millimetre paper and would mislead on any other.
@@ -111,7 +112,7 @@ class RulingEstimator:
         )
 
     def _measure_leaf(
-        self, outline: LeafOutline, to_mm: np.ndarray, ruling: Ruling, pyramid: PhotoPyramid
+        self, outline: LeafOutline, to_mm: Homography, ruling: Ruling, pyramid: PhotoPyramid
     ) -> LeafMeasurement:
         """Measure a leaf through the ruling's homography, corrected for its height above the paper."""
         params = self.params
@@ -127,7 +128,7 @@ class RulingEstimator:
         return dataclasses.replace(leaf, area_cm2=area, uncertainty_cm2=uncertainty)
 
     def _fall_back_to_area_network(
-        self, outlines: list[LeafOutline], mask: np.ndarray, prediction: AreaPrediction | None, advice: str
+        self, outlines: list[LeafOutline], mask: Mask, prediction: AreaPrediction | None, advice: str
     ) -> Measurement:
         """Measure one leaf by the network's area, several by its scale: it was trained on one leaf."""
         relative_sd = self.params.area_network_sd
@@ -157,7 +158,7 @@ def _predict_area(estimator: AreaEstimator | None, pyramid: PhotoPyramid) -> Are
 
 
 def _read_ruling(
-    pyramid: PhotoPyramid, leaf_mask: np.ndarray, grid_mm: float, prediction: AreaPrediction | None
+    pyramid: PhotoPyramid, leaf_mask: Mask, grid_mm: float, prediction: AreaPrediction | None
 ) -> Ruling | None:
     """Read the ruling in the overview outside `leaf_mask`, bool [h, w]; its homography is the overview's."""
     rough = None if prediction is None else prediction.px_per_mm

@@ -9,8 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from laesi_tf.common import metrics
+from laesi_tf.common.arrays import Mask, RgbImage
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.decoding import decode_mask, decode_photo
@@ -85,7 +87,7 @@ def summarise(scores: Sequence[PhotoScore]) -> Summary:
     predicted, true = np.array(areas, np.float64).reshape(-1, 2).T
     low, high = bootstrap_interval(metrics.relative_errors(predicted, true)) if areas else (None, None)
 
-    def average(metric: Callable[[np.ndarray, np.ndarray], float]) -> float | None:
+    def average(metric: Callable[[NDArray[np.float64], NDArray[np.float64]], float]) -> float | None:
         return metric(predicted, true) if areas else None
 
     return {
@@ -103,7 +105,7 @@ def summarise(scores: Sequence[PhotoScore]) -> Summary:
     }
 
 
-def bootstrap_interval(errors: np.ndarray) -> tuple[float, float]:
+def bootstrap_interval(errors: NDArray[np.float64]) -> tuple[float, float]:
     """Return the 95 % percentile bootstrap confidence interval of the mean of `errors` [N], N >= 1.
 
     Photos count as independent; where several show the same leaf or sheet the interval is too narrow.
@@ -127,7 +129,7 @@ def sort_worst_first(scores: Sequence[PhotoScore]) -> list[PhotoScore]:
     return sorted((score for score in scores if score.iou is not None), key=lambda score: score.iou or 0.0)
 
 
-def load_photo_and_mask(photo: Photo) -> tuple[np.ndarray, np.ndarray | None]:
+def load_photo_and_mask(photo: Photo) -> tuple[RgbImage, Mask | None]:
     """Return a photo, uint8 [H, W, 3], and its true mask, bool [H, W], or None. Raises InputError."""
     image = decode_photo(photo.image)
     mask = None if photo.mask is None else decode_mask(photo.mask)
@@ -144,7 +146,7 @@ def photo_info(photo: Photo) -> PhotoInfo:
     return PhotoInfo(px_per_mm=photo.px_per_mm, grid_mm=photo.grid_mm)
 
 
-def _score_photo(photo: Photo, measurement: Measurement, mask: np.ndarray | None) -> PhotoScore:
+def _score_photo(photo: Photo, measurement: Measurement, mask: Mask | None) -> PhotoScore:
     iou = pixel_error = None
     if mask is not None and measurement.mask is not None:
         iou = metrics.miou(measurement.mask, mask)

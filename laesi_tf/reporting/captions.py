@@ -10,12 +10,14 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from laesi_tf.common.arrays import Points, RgbImage
+
 # Pillow's own font lacks the superscript of cm² and most scripts of file names.
 _FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 _MIN_FONT_PX = 10.0
 
 
-def draw_labels(image: np.ndarray, labels: Sequence[tuple[np.ndarray, str]]) -> np.ndarray:
+def draw_labels(image: RgbImage, labels: Sequence[tuple[Points, str]]) -> RgbImage:
     """Return `image` [H, W, 3] with short texts centred on points (x, y), readable on any background.
 
     The letters are a fiftieth of the longer side high.
@@ -30,7 +32,7 @@ def draw_labels(image: np.ndarray, labels: Sequence[tuple[np.ndarray, str]]) -> 
     return np.asarray(labelled)
 
 
-def add_caption(image: np.ndarray, lines: Sequence[str]) -> np.ndarray:
+def add_caption(image: RgbImage, lines: Sequence[str]) -> RgbImage:
     """Return `image` [H, W, 3] with `lines` of text in a white strip below it.
 
     The letters are a thirtieth of the longer side high; a line that is too long is set smaller, then cut.
@@ -49,7 +51,7 @@ def add_caption(image: np.ndarray, lines: Sequence[str]) -> np.ndarray:
     return np.asarray(captioned)
 
 
-def make_contact_sheet(images: Sequence[np.ndarray], *, columns: int = 4, gap: int = 12) -> np.ndarray:
+def make_contact_sheet(images: Sequence[RgbImage], *, columns: int = 4, gap: int = 12) -> RgbImage:
     """Arrange `images`, each [h, w, 3] of any size, in rows of `columns` on white, at their own size."""
     height = max(image.shape[0] for image in images) + gap
     width = max(image.shape[1] for image in images) + gap

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from laesi_tf.common.arrays import Mask, Points, RgbImage
 from laesi_tf.common.geometry import ImageSize, trace_polygons
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.estimators.base import Measurement
@@ -18,7 +19,7 @@ from laesi_tf.reporting.overlay import (
 _MAX_NOTES = 3
 
 
-def draw_measurement(image: np.ndarray, measurement: Measurement, name: str) -> np.ndarray:
+def draw_measurement(image: RgbImage, measurement: Measurement, name: str) -> RgbImage:
     """Return `image`, uint8 [H, W, 3], at a handy size with grid, outlines and results: uint8 [h, w, 3].
 
     `name` stands below the results.
@@ -38,8 +39,8 @@ def draw_measurement(image: np.ndarray, measurement: Measurement, name: str) -> 
 
 
 def draw_comparison(
-    image: np.ndarray, measurement: Measurement, true_mask: np.ndarray | None, *, side: int
-) -> np.ndarray:
+    image: RgbImage, measurement: Measurement, true_mask: Mask | None, *, side: int
+) -> RgbImage:
     """Return `image`, uint8 [H, W, 3], with a longer side of `side` pixels and true and predicted outlines.
 
     `true_mask` is bool [H, W], or None where it is not known.
@@ -82,7 +83,7 @@ def _format_area(measurement: Measurement) -> str:
     return text if len(measurement.leaves) == 1 else f"{len(measurement.leaves)} leaves, {text}"
 
 
-def _number_leaves(measurement: Measurement, scale: np.ndarray) -> list[tuple[np.ndarray, str]]:
+def _number_leaves(measurement: Measurement, scale: Points) -> list[tuple[Points, str]]:
     """Return the position in the overlay and the text of each leaf's label: its number and area."""
     labels = []
     for number, leaf in enumerate(measurement.leaves, 1):

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
+from laesi_tf.common.arrays import Homography, Points, RgbImage
 from laesi_tf.common.atomic_files import atomic_write
 from laesi_tf.common.geometry import ImageSize, apply_homography, to_cv2_points
 
@@ -27,7 +28,7 @@ _MAX_LINES = 200
 _SUBPIXEL_BITS = 4
 
 
-def resize(image: np.ndarray, side: int) -> np.ndarray:
+def resize(image: RgbImage, side: int) -> RgbImage:
     """Return `image` [H, W, 3] with a longer side of `side` pixels."""
     scale = side / max(image.shape[:2])
     height, width = (max(1, round(length * scale)) for length in image.shape[:2])
@@ -35,7 +36,7 @@ def resize(image: np.ndarray, side: int) -> np.ndarray:
     return cv2.resize(image, (width, height), interpolation=interpolation)
 
 
-def draw_outlines(image: np.ndarray, outlines: Sequence[tuple[np.ndarray, Colour]]) -> np.ndarray:
+def draw_outlines(image: RgbImage, outlines: Sequence[tuple[Points, Colour]]) -> RgbImage:
     """Return `image` [H, W, 3] with closed `outlines`, points [N, 2] and colour each, on it."""
     drawn, thickness = image.copy(), max(1, max(image.shape[:2]) // 400)
     for outline, colour in outlines:
@@ -44,7 +45,7 @@ def draw_outlines(image: np.ndarray, outlines: Sequence[tuple[np.ndarray, Colour
     return drawn
 
 
-def draw_grid(image: np.ndarray, to_mm: np.ndarray, *, step_mm: float = 10.0) -> np.ndarray:
+def draw_grid(image: RgbImage, to_mm: Homography, *, step_mm: float = 10.0) -> RgbImage:
     """Return `image` [H, W, 3] with a square grid of the sheet on it, in perspective.
 
     `to_mm` [3, 3] maps pixels to mm on the sheet, up to a translation: lines are parallel to the ruling but
@@ -53,7 +54,7 @@ def draw_grid(image: np.ndarray, to_mm: np.ndarray, *, step_mm: float = 10.0) ->
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]) * ImageSize.of(image).xy
     on_sheet = apply_homography(to_mm, corners)
     box = np.stack([on_sheet.min(axis=0), on_sheet.max(axis=0)])
-    to_px = np.linalg.inv(to_mm)
+    to_px = np.linalg.inv(to_mm).astype(np.float64)
     drawn, thickness = image.copy(), max(1, max(image.shape[:2]) // 900)
     for axis in (0, 1):
         for position in np.arange(box[0, axis], box[1, axis], step_mm)[:_MAX_LINES]:
@@ -64,7 +65,7 @@ def draw_grid(image: np.ndarray, to_mm: np.ndarray, *, step_mm: float = 10.0) ->
     return drawn
 
 
-def write_png(path: Path, image: np.ndarray) -> None:
+def write_png(path: Path, image: RgbImage) -> None:
     """Write `image` [H, W, 3] as PNG, atomically. Raises InputError where it cannot be written."""
     with atomic_write(path) as temporary:
         # Level 1 takes a third of the time of the default for a tenth more bytes.

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.common.arrays import Homography, Mask, RgbImage
 from laesi_tf.estimators.camera_fit import Ruling, estimate_tilt_deg
 from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX
 from laesi_tf.estimators.ruling_reader import harmonics, patches, peaks
@@ -43,9 +44,9 @@ of the heaviest lines."""
 
 
 def read_ruling(
-    image: np.ndarray,
+    image: RgbImage,
     *,
-    leaf: np.ndarray | None = None,
+    leaf: Mask | None = None,
     grid_mm: float = 1.0,
     rough_px_per_mm: float | None = None,
 ) -> Ruling | None:
@@ -77,7 +78,7 @@ def read_ruling(
     return Ruling(to_mm, tilt, float(share), int(inliers), float(spread))
 
 
-def _resize_to_working_size(image: np.ndarray, grid_mm: float) -> np.ndarray | None:
+def _resize_to_working_size(image: RgbImage, grid_mm: float) -> RgbImage | None:
     """Return `image` at the size that its ruling needs; None where it is too small."""
     longer, shorter = max(image.shape[:2]), min(image.shape[:2])
     longest = min(OVERVIEW_SIDE_PX, max(_SMALLEST, 2 * _FINEST_PX * _VIEWS_MM[1] / grid_mm))
@@ -88,7 +89,7 @@ def _resize_to_working_size(image: np.ndarray, grid_mm: float) -> np.ndarray | N
     return cv2.resize(image, None, fx=scale, fy=scale, interpolation=interpolation)
 
 
-def _pad_to_frame(small: np.ndarray, leaf: np.ndarray | None) -> np.ndarray:
+def _pad_to_frame(small: RgbImage, leaf: Mask | None) -> np.ndarray:
     """Return the working image [FRAME, FRAME] of a photo without its `leaf`.
 
     The darkest channel shows ink of any colour, on white as on tinted paper.
@@ -103,7 +104,7 @@ def _pad_to_frame(small: np.ndarray, leaf: np.ndarray | None) -> np.ndarray:
     return framed
 
 
-def _homography(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
+def _homography(lattice: np.ndarray, height: int, width: int) -> Homography:
     """Return the homography [3, 3] from pixels of the working image to periods of the lattice [6]."""
     half = max(height, width) / 2
     to_units = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, half]]) / half
