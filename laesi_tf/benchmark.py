@@ -7,7 +7,6 @@ interquartile range (IQR). A difference smaller than its IQR is noise.
 import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
@@ -121,7 +120,7 @@ def benchmark_sensitivity(arguments: Sequence[str]) -> None:
     from laesi_tf.benchmarks import sensitivity
     from laesi_tf.estimators.factory import load_estimator
 
-    estimator: Any = load_estimator(options.model, mask_run=options.mask_model)
+    estimator = sensitivity.require_tunable(load_estimator(options.model, mask_run=options.mask_model))
     parameters = sensitivity.select_parameters(estimator.params, options.parameters)
     if photos is None:
         labelled = sensitivity.render_photos(options.scenes, seed=options.seed, size=options.size)

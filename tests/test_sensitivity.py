@@ -13,6 +13,7 @@ from laesi_tf.benchmarks.sensitivity import (
     format_table,
     measure_accuracy,
     measure_sensitivity,
+    require_tunable,
     scale_value,
     select_parameters,
     to_json,
@@ -90,6 +91,12 @@ def test_parameters_are_selected_by_prefix() -> None:
     assert [known.name for known in select_parameters(Outer(), ["inner"])] == ["inner.area", "inner.unused"]
     with pytest.raises(InputError, match="'outer'"):
         select_parameters(Outer(), ["outer"])
+
+
+def test_an_estimator_without_parameters_is_refused() -> None:
+    assert require_tunable(Constant()).params == Outer()
+    with pytest.raises(InputError, match="--mask-model"):
+        require_tunable(AreaEstimator(area_network((64, 64)), (64, 64), "none"))
 
 
 def test_whole_numbers_stay_whole() -> None:

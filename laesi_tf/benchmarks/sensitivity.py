@@ -7,7 +7,7 @@ difference is not needed; one that improves a result is not set well for these p
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 import tensorflow as tf
@@ -18,7 +18,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.decoding import decode_photo
 from laesi_tf.data.manifest import Photo
-from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo
+from laesi_tf.estimators.base import UNKNOWN, Estimator, Measurement, PhotoInfo
 from laesi_tf.estimators.parameters import Parameter, list_parameters, replace_parameter
 from laesi_tf.synthesis import load_ranges, synthesise
 
@@ -96,6 +96,13 @@ def load_photos(photos: Sequence[Photo]) -> list[LabelledPhoto]:
         )
         for photo in progress_bar(photos, desc="photos", unit="photo")
     ]
+
+
+def require_tunable(estimator: Estimator) -> TunableEstimator:
+    """Return `estimator` if it has parameters. Raises InputError."""
+    if not hasattr(estimator, "with_params"):
+        raise InputError("an area model alone has no parameters; add a mask model with --mask-model")
+    return cast(TunableEstimator, estimator)
 
 
 def select_parameters(params: Any, prefixes: Sequence[str]) -> list[Parameter]:
