@@ -183,7 +183,8 @@ def test_folders_that_are_not_run_directories_are_refused(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_an_interrupted_run_reports_and_continues(finished_run, tmp_path):
+@pytest.mark.parametrize(("ctrl_c_twice", "stopped_at"), [(True, 5), (False, 6)])
+def test_an_interrupted_run_reports_and_continues(finished_run, tmp_path, ctrl_c_twice, stopped_at):
     opened = []
 
     def interrupted(start):
@@ -191,11 +192,13 @@ def test_an_interrupted_run_reports_and_continues(finished_run, tmp_path):
         training = len(opened) == 1  # the second stream is for recalibration
         for step, batch in enumerate(disc_stream(tiny_config())(start)):
             if training and step == 5:
-                raise KeyboardInterrupt
+                os.kill(os.getpid(), signal.SIGINT)
+                if ctrl_c_twice:
+                    os.kill(os.getpid(), signal.SIGINT)
             yield batch
 
     out = tmp_path / "run"
-    with pytest.raises(KeyboardInterrupt, match="stopped at step 5, saved; the same command continues"):
+    with pytest.raises(KeyboardInterrupt, match=f"stopped at step {stopped_at}, saved; the same command"):
         fit_discs(tiny_config(), out, train=interrupted)
     assert (out / run_files.REPORT_FILE).is_file()
     assert not (out / run_files.METRICS_FILE).exists()

@@ -8,6 +8,7 @@ import itertools
 import math
 import sys
 import time
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import tensorflow as tf
 from tqdm import tqdm
 
 from laesi_tf.common.atomic_files import atomic_write, require_writable, write_json
+from laesi_tf.common.interrupts import defer_interrupt
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.run_files import (
     BEST_MODEL_FILE,
@@ -46,6 +48,7 @@ from laesi_tf.training.schedules import learning_rate_at
 from laesi_tf.training.tasks import make_task
 from laesi_tf.training.trainer import Batches, TrainedStep, Trainer, TrainingDiverged, train_steps
 
+_STOPPING = "stopping after this step; press Ctrl-C again to stop at once"
 _CALIBRATION_IMAGES = 512
 """Batch normalisation is recalibrated on this many training images."""
 
@@ -136,7 +139,8 @@ class TrainingLoop:
         if self.is_finished:
             return
         writer = tf.summary.create_file_writer(str(self.out / TENSORBOARD_FOLDER))
-        # The average rate instead of a moving one: a pause for a validation does not make the time left jump.
+        # The time left comes from the average rate of steps alone: a moving rate, or one with the pauses for
+        # tracing and validation, makes it jump.
         bar = progress_bar(
             [],
             initial=self.progress.step,
@@ -147,7 +151,8 @@ class TrainingLoop:
             disable=not show_progress,
         )
         try:
-            self._train(writer, bar)
+            with defer_interrupt(lambda: _notify(_STOPPING, show=show_progress)) as stop_requested:
+                self._train(writer, bar, stop_requested)
         except KeyboardInterrupt:
             raise self._interrupt() from None
         finally:
@@ -166,7 +171,9 @@ class TrainingLoop:
         due = step > 0 and (step % self.config.validate_every == 0 or step == self.config.steps)
         return due and not (history and history[-1]["step"] == step)
 
-    def _train(self, writer: tf.summary.SummaryWriter, bar: "tqdm[Any]") -> None:
+    def _train(
+        self, writer: tf.summary.SummaryWriter, bar: "tqdm[Any]", stop_requested: Callable[[], bool]
+    ) -> None:
         progress, started, seconds_before = self.progress, time.monotonic(), self.progress.seconds
         step_started: float | None = None
         try:
@@ -178,15 +185,18 @@ class TrainingLoop:
                 self._count(step, step_started)
                 progress.seconds = seconds_before + time.monotonic() - started
                 if step_started is None:
-                    bar.unpause()  # the first step is mostly tracing: it does not count in the time left
+                    bar.unpause()  # the first step is mostly tracing
                 bar.set_postfix_str(self._format_progress(), refresh=False)
                 bar.update()
                 if self._validation_is_due:
                     log_to_tensorboard(writer, self._validate())
+                    bar.unpause()
                 if step.number % self.config.checkpoint_every == 0 or self.is_finished:
                     self._save()
                 if self.is_finished:
                     return
+                if stop_requested():
+                    raise KeyboardInterrupt
                 step_started = time.monotonic()
         except TrainingDiverged as error:
             raise self._diverged(str(error)) from None
