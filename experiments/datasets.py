@@ -22,13 +22,13 @@ from laesi_tf.training.tasks.base import Task
 
 SPLITS = ("train", "val", "test")
 _PER_SHARD = 1000
-_SIDE = 1024
-"""Side of the scenes that rules measure: about what they look at of a photo."""
+_SQUARE_PHOTO_SIDE = 1024
+"""Side in pixels of the scenes that the rules measure: about the resolution at which they look at a photo."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PhotoSplits:
-    """The real photos of a manifest, each split shortened to the experiments' scale."""
+    """The real photos of a manifest by split, each split shortened to the experiments' scale."""
 
     manifest: Path
     splits: Mapping[str, list[Photo]]
@@ -36,47 +36,47 @@ class PhotoSplits:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many photos there are in each split."""
+        """The number of photos in each split."""
         return {name: len(photos) for name, photos in self.splits.items()}
 
     @property
     def digest(self) -> str:
-        """Tells this manifest from another."""
+        """The hash of the manifest."""
         return short_sha256(self.manifest)
 
     @property
-    def masked(self) -> bool:
-        """Whether masks can be learned and judged: each split has some."""
+    def has_masks(self) -> bool:
+        """Whether every split has a photo with a mask, so that masks can be trained and evaluated."""
         return all(any(photo.mask for photo in photos) for photos in self.splits.values())
 
 
 def read_photos(manifest: Path, *, scale: float) -> PhotoSplits:
-    """The photos of a manifest with the splits train, val and test. Raises InputError."""
+    """Read the photos of a manifest with the splits train, val and test. Raises InputError."""
     splits = {name: read_manifest(manifest, split=name) for name in SPLITS}
     shortened = {name: photos[: shorten(len(photos), scale)] for name, photos in splits.items()}
     return PhotoSplits(manifest=manifest, splits=shortened)
 
 
-def explain_missing_data(trial: Job, folder: Path, *, size: tuple[int, int], scale: float) -> str | None:
-    """Why the data sets in `folder` do not do for `trial`, or None where they do."""
-    if trial.row.kind != "records":
+def explain_missing_data(job: Job, folder: Path, *, size: tuple[int, int], scale: float) -> str | None:
+    """Return why the data sets in `folder` are not sufficient for `job`; None if they are."""
+    if job.experiment.data_type != "records":
         return None
-    there, least = folder / trial.row.folder, shorten(trial.count, scale)
+    path, count = folder / job.experiment.folder, shorten(job.count, scale)
     try:
-        contents = dataset_spec.read_spec(there)
+        spec = dataset_spec.read_spec(path)
     except InputError as error:
         return str(error)
-    if contents.format != "records" or contents.size != size:
-        return f"{there} does not hold records of {size[0]} x {size[1]} pixels"
-    return None if contents.count >= least else f"{there} holds {contents.count} pictures, not {least}"
+    if spec.format != "records" or spec.size != size:
+        return f"{path} does not hold records of {size[0]} x {size[1]} pixels"
+    return None if spec.count >= count else f"{path} holds {spec.count} images; {count} are needed"
 
 
 def write_mixture(
-    path: Path, trial: Job, photos: PhotoSplits, folder: Path, *, size: int, scale: float
+    path: Path, job: Job, photos: PhotoSplits, folder: Path, *, size: int, scale: float
 ) -> None:
-    """Write what `trial` is trained on as a mixture: every picture comes as often, as in the paper.
+    """Write the training data of `job` as a mixture of equally frequent images, as in the paper.
 
-    Scenes are made first where they are not there yet, once for all trials. Raises InputError.
+    Scenes are rendered first unless an earlier job did. Raises InputError.
     """
     sources: dict[str, dict[str, Any]] = {
         "photos": {
@@ -86,42 +86,48 @@ def write_mixture(
             "count": photos.counts["train"],
         }
     }
-    row, count = trial.row, shorten(trial.count, scale)
-    if row.kind == "scenes":
-        made = _ensure_scenes(row, folder, size=size, scale=scale)
-        sources["scenes"] = {"kind": "records", "folder": str(made.resolve()), "count": count}
-    elif row.kind == "records":
-        there = folder / row.folder
-        sources["inpainted"] = {"kind": "records", "folder": str(there.resolve()), "count": count}
+    experiment, count = job.experiment, shorten(job.count, scale)
+    if experiment.data_type == "scenes":
+        scenes = _ensure_scenes(experiment, folder, size=size, scale=scale)
+        sources["scenes"] = {"kind": "records", "folder": str(scenes.resolve()), "count": count}
+    elif experiment.data_type == "records":
+        records = folder / experiment.folder
+        sources["inpainted"] = {"kind": "records", "folder": str(records.resolve()), "count": count}
     text = tomli_w.dumps(sources)
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
 
 
-def _ensure_scenes(row: Experiment, folder: Path, *, size: int, scale: float) -> Path:
-    """A data set of as many scenes as any count of `row` asks for; smaller counts take its first ones.
+def _ensure_scenes(experiment: Experiment, folder: Path, *, size: int, scale: float) -> Path:
+    """Return a data set of as many scenes as the largest count asks for; smaller counts use its first ones.
 
-    Each is of another leaf: that is what 5K pictures picked from the paper's 100K nearly are, in which every
-    leaf is seen in four lights.
+    Each scene has a leaf of its own: 5,000 images picked from the paper's 100,000, in which every leaf is
+    rendered in four lights, nearly do.
     """
-    count = shorten(max(row.counts), scale)
-    return _ensure_dataset(row, folder / f"{row.name}-{count}x{size}", count=count, size=size)
+    count = shorten(max(experiment.counts), scale)
+    return _ensure_dataset(experiment, folder / f"{experiment.name}-{count}x{size}", count=count, size=size)
 
 
-def generate_square_photos(trial: Job, folder: Path, *, scale: float) -> list[Photo]:
-    """Scenes with red squares as photos, their scale kept secret: rules are to find it."""
-    count = shorten(trial.count, scale)
-    name = f"{trial.row.name}-{count}x{_SIDE}-{trial.seed}"
-    made = _ensure_dataset(trial.row, folder / name, count=count, size=_SIDE, seed=trial.seed, form="folder")
-    return [replace(photo, px_per_mm=None) for photo in read_manifest(made / MANIFEST_FILE)]
+def generate_square_photos(job: Job, folder: Path, *, scale: float) -> list[Photo]:
+    """Return rendered scenes with red squares as photos of unknown scale, which the rules must find."""
+    count = shorten(job.count, scale)
+    path = _ensure_dataset(
+        job.experiment,
+        folder / f"{job.experiment.name}-{count}x{_SQUARE_PHOTO_SIDE}-{job.seed}",
+        count=count,
+        size=_SQUARE_PHOTO_SIDE,
+        seed=job.seed,
+        form="folder",
+    )
+    return [replace(photo, px_per_mm=None) for photo in read_manifest(path / MANIFEST_FILE)]
 
 
 def _ensure_dataset(
-    row: Experiment, path: Path, *, count: int, size: int, seed: int = 0, form: str = "records"
+    experiment: Experiment, path: Path, *, count: int, size: int, seed: int = 0, form: str = "records"
 ) -> Path:
-    """The data set in `path`, made or completed where need be."""
-    ranges = load_ranges(row.scenes).with_passes(1)
-    contents = DatasetSpec(
+    """Return the data set in `path`, generated or completed if need be."""
+    ranges = load_ranges(experiment.scene_ranges).with_passes(1)
+    spec = DatasetSpec(
         count=count,
         size=(size, size),
         per_shard=_PER_SHARD,
@@ -130,17 +136,14 @@ def _ensure_dataset(
         ranges=ranges_to_toml(ranges),
         synthesis_version=SYNTHESIS_VERSION,
     )
-    generate_dataset(contents, ranges, path)
+    generate_dataset(spec, ranges, path)
     return path
 
 
 def make_validation_batches(
     photos: Iterable[Photo], *, task: Task, size: int, batch_size: int
 ) -> tf.data.Dataset:
-    """`photos` once, in memory, as batches to validate on. Raises InputError when none can be used."""
-    pictures, _ = load_into_memory(list(photos), size=(size, size), needs_masks=task.needs_masks)
-    return synthetic.batch_samples(
-        tf.data.Dataset.range(pictures.count).map(pictures.get),
-        make_target=task.make_target,
-        batch_size=batch_size,
-    )
+    """Return `photos`, kept in memory, as validation batches. Raises InputError if none is usable."""
+    samples, _ = load_into_memory(list(photos), size=(size, size), needs_masks=task.needs_masks)
+    dataset = tf.data.Dataset.range(samples.count).map(samples.get)
+    return synthetic.batch_samples(dataset, make_target=task.make_target, batch_size=batch_size)

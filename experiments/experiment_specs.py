@@ -12,62 +12,67 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.training import config_files
 from laesi_tf.training.config import TrainConfig
 
-HERE = Path(__file__).parent
+_FOLDER = Path(__file__).parent
 METRICS = ("val_mre", "test_mre", "miou", "mpe")
 """Columns of the paper's table 1: MRE in percent, mIoU and mask pixel error as fractions."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """One experiment: what the networks see beside the real photos."""
+    """One experiment: what the networks are trained on besides the real photos."""
 
     name: str
-    """Its file's name without the number that puts it in order."""
+    """The name of its file without the number that orders the files."""
     title: str
-    kind: str
-    """rule_based: nothing is trained; photos: real ones alone; scenes: and rendered ones; records: and a data
-    set that is there already."""
+    data_type: str
+    """rule_based: nothing is trained; photos: real photos alone; scenes: rendered scenes too; records: a data
+    set that exists already too."""
     counts: tuple[int, ...]
-    """Synthetic pictures; the first count is the table's, all are the figure's."""
+    """Numbers of synthetic images; the first is the table's, all are in the chart."""
     ranges: str = ""
-    """What scenes are drawn from: a preset, or a file beside this module."""
+    """Ranges of the scenes: a preset, or a file in this folder."""
     folder: str = ""
-    """Folder of the records below that of all data sets."""
+    """Folder of the records within that of all data sets."""
     paper: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
-    """The paper's figures by count, keys from FIGURES."""
+    """The paper's results by count, with keys from METRICS."""
 
     @property
-    def scenes(self) -> str | Path:
-        """`ranges` as `load_ranges` takes them."""
-        return HERE / self.ranges if self.ranges.endswith(".toml") else self.ranges
+    def scene_ranges(self) -> str | Path:
+        """The argument of `load_ranges` for its scenes."""
+        return _FOLDER / self.ranges if self.ranges.endswith(".toml") else self.ranges
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """Tasks of its first count; the rules measure area and mask at once."""
+        return ("area",) if self.data_type == "rule_based" else ("area", "mask")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One training, or one measurement by rules, of a row."""
+    """One training, or one measurement by rules, of an experiment."""
 
-    row: Experiment
+    experiment: Experiment
     count: int
     task: str
     seed: int
 
     @property
     def group(self) -> str:
-        """Folder of the trials that go by the same data."""
-        return f"{self.row.name}-{self.count}"
+        """Folder of the jobs that use the same data."""
+        return f"{self.experiment.name}-{self.count}"
 
     @property
     def folder(self) -> Path:
-        """Its run's folder below that of all runs."""
+        """Its run directory within the folder of all runs."""
         return Path(self.group) / f"{self.task}-{self.seed}"
 
     def __str__(self) -> str:
-        return f"{self.row.name}, {self.count} synthetic, {self.task}, seed {self.seed}"
+        return f"{self.experiment.name}, {self.count} synthetic, {self.task}, seed {self.seed}"
 
 
 def load_experiments(names: Sequence[str] = ()) -> list[Experiment]:
-    """The rows, or those of `names`, in the table's order. Raises InputError for an unknown name."""
-    paths = {path.stem.split("_", 1)[1]: path for path in sorted((HERE / "configs").glob("*.toml"))}
+    """Return all experiments, or those of `names`, in the table's order. Raises InputError."""
+    paths = {path.stem.split("_", 1)[1]: path for path in sorted((_FOLDER / "configs").glob("*.toml"))}
     for name in names:
         if name not in paths:
             raise InputError(f"unknown experiment {name!r}; choose from {', '.join(paths)}")
@@ -76,36 +81,40 @@ def load_experiments(names: Sequence[str] = ()) -> list[Experiment]:
 
 def _parse_experiment(name: str, path: Path) -> Experiment:
     values = tomllib.loads(path.read_text(encoding="utf-8"))
-    paper = {int(count): figures for count, figures in values.pop("paper").items()}
-    return Experiment(name=name, counts=tuple(values.pop("counts")), paper=paper, **values)
+    return Experiment(
+        name=name,
+        data_type=values.pop("kind"),
+        counts=tuple(values.pop("counts")),
+        paper={int(count): metrics for count, metrics in values.pop("paper").items()},
+        **values,
+    )
 
 
-def plan_jobs(rows: Sequence[Experiment], *, seeds: int) -> list[Job]:
-    """All that is to be done, seed by seed, so that the table fills evenly.
+def plan_jobs(experiments: Sequence[Experiment], *, seeds: int) -> list[Job]:
+    """Return the jobs, ordered by seed so that every row gets its first result early.
 
-    Masks are learned at the first count alone: the figure over the counts is one of areas. Rules measure both
-    at once.
+    Masks are trained at the first count alone: the chart over counts shows areas.
     """
     return [
-        Job(row=row, count=count, task=task, seed=seed)
+        Job(experiment=experiment, count=count, task=task, seed=seed)
         for seed in range(seeds)
-        for row in rows
-        for count in row.counts
-        for task in (("area", "mask") if count == row.counts[0] and row.kind != "rule_based" else ("area",))
+        for experiment in experiments
+        for count in experiment.counts
+        for task in (experiment.tasks if count == experiment.counts[0] else ("area",))
     ]
 
 
 def shorten(count: int, scale: float) -> int:
-    """`count` pictures or steps of an experiment shortened to `scale`, 0 < `scale` <= 1; 0 stays 0."""
+    """Return the number of images or steps of an experiment shortened to `scale`, 0 < `scale` <= 1."""
     return math.ceil(count * scale)
 
 
 def job_config(task: str, *, scale: float, **values: Any) -> TrainConfig:
-    """The recipe's configuration for `task`, shortened to `scale`, with `values` besides.
+    """Return the recipe's configuration for `task`, shortened to `scale`, with `values` on top.
 
-    The side shrinks with the root of `scale`, to a multiple of 32 pixels.
+    The side shrinks with the square root of `scale`, to a multiple of 32 pixels.
     """
-    recipe = schema.read_toml(HERE / "recipe.toml")
+    recipe = schema.read_toml(_FOLDER / "recipe.toml")
     keys = recipe["shared"] | recipe[task] | {"task": task} | values
     keys["size"] = max(32, round(keys["size"] * math.sqrt(scale) / 32) * 32)
     for name in ("steps", "validate_every", "checkpoint_every"):

@@ -1,4 +1,4 @@
-"""Draw the table as an image, and the error against the number of synthetic pictures."""
+"""Draw the table as an image, and the error against the number of synthetic images."""
 
 import textwrap
 from collections.abc import Sequence
@@ -16,13 +16,13 @@ _COLOURS = {
     "controlnet": "tab:red",
     "controlnet_filtering": "tab:blue",
 }
-"""Of the last three, the paper's colours."""
+"""Those of the last three are the paper's colours."""
 
 
 def draw_table(
     header: Sequence[str], cells: Sequence[Sequence[str]], heading: Sequence[str], notes: Sequence[str]
 ) -> Figure:
-    """The table with `heading` above and `notes` below it."""
+    """Draw the table with `heading` above and `notes` below it."""
     above, below = _wrap(heading, 150), _wrap(notes, 150)
     heights = [0.36 * (len(cells) + 2) + 0.2 * len(above), 0.2 * (len(below) + 1)]
     figure = Figure(figsize=(13, sum(heights)), layout="constrained")
@@ -30,34 +30,34 @@ def draw_table(
     for axes in (top, bottom):
         axes.axis("off")
     top.set_title("\n".join(above), fontsize=10, loc="left")
-    drawn = top.table([list(row) for row in cells], colLabels=list(header), loc="center", cellLoc="center")
-    drawn.auto_set_font_size(False)
-    drawn.set_fontsize(10)
-    drawn.scale(1, 1.5)
-    drawn.auto_set_column_width(list(range(len(header))))
-    for (row, column), cell in drawn.get_celld().items():
+    table = top.table([list(row) for row in cells], colLabels=list(header), loc="center", cellLoc="center")
+    table.auto_set_font_size(False)
+    table.set_fontsize(10)
+    table.scale(1, 1.5)
+    table.auto_set_column_width(list(range(len(header))))
+    for (row, column), cell in table.get_celld().items():
         cell.set_edgecolor("0.85")
-        grey = row > 0 and header[column] == "paper"
-        cell.set_text_props(weight="bold" if row == 0 else "normal", color="0.45" if grey else "black")
+        is_paper = row > 0 and header[column] == "paper"
+        cell.set_text_props(weight="bold" if row == 0 else "normal", color="0.45" if is_paper else "black")
     bottom.text(0, 1, "\n".join(below), fontsize=9, va="top", color="0.25")
     return figure
 
 
-def _wrap(paragraphs: Sequence[str], width: int) -> list[str]:
-    return [line for paragraph in paragraphs for line in textwrap.wrap(paragraph, width)]
+def plot_error_by_size(rows: Sequence[TableRow], heading: Sequence[str], scale: float) -> Figure:
+    """Plot the validation MRE against the number of synthetic images, a curve for each experiment.
 
-
-def plot_error_by_size(lines: Sequence[TableRow], heading: Sequence[str], scale: float) -> Figure:
-    """Validation MRE against synthetic pictures, a curve for each row (the paper's figure of losses).
-
-    Ours filled with the deviation over seeds, the paper's hollow; the real baseline as a horizontal line.
+    Our results are filled with the standard deviation over seeds, the paper's are hollow, at the paper's
+    numbers of images; the real baseline is a horizontal line. Of shortened experiments (`scale` below 1) the
+    axis is logarithmic, as their numbers are far below the paper's.
     """
     figure = Figure(figsize=(8, 5), layout="constrained")
     axes = figure.subplots()
-    names = dict.fromkeys(line.row.name for line in lines if line.row.name in _COLOURS)
+    names = dict.fromkeys(row.experiment.name for row in rows if row.experiment.name in _COLOURS)
     for name in names:
-        _plot_curve(axes, [line for line in lines if line.row.name == name], _COLOURS[name], scale)
-    axes.set(xlabel="synthetic pictures beside the real ones", ylabel="validation MRE (%)")
+        _plot_curve(axes, [row for row in rows if row.experiment.name == name], _COLOURS[name], scale)
+    if scale != 1.0:
+        axes.set_xscale("log")
+    axes.set(xlabel="synthetic images in addition to the real ones", ylabel="validation MRE (%)")
     axes.set_ylim(bottom=0)
     axes.legend(fontsize=8)
     axes.set_title("\n".join(_wrap(heading, 100)), fontsize=8)
@@ -65,14 +65,15 @@ def plot_error_by_size(lines: Sequence[TableRow], heading: Sequence[str], scale:
     return figure
 
 
-def _plot_curve(axes: Axes, lines: Sequence[TableRow], colour: str, scale: float) -> None:
-    title = lines[0].row.title
-    cells = [(shorten(line.count, scale), line.ours["val_mre"]) for line in lines]
-    ours = [(count, cell.mean, cell.deviation or 0.0) for count, cell in cells if cell.mean is not None]
-    papers = [
-        (shorten(line.count, scale), line.paper["val_mre"]) for line in lines if "val_mre" in line.paper
+def _plot_curve(axes: Axes, rows: Sequence[TableRow], colour: str, scale: float) -> None:
+    experiment = rows[0].experiment
+    metrics = [(shorten(row.count, scale), row.ours["val_mre"]) for row in rows]
+    ours = [
+        (count, metric.mean, metric.deviation or 0.0) for count, metric in metrics if metric.mean is not None
     ]
-    if lines[0].row.kind == "photos":
+    papers = [(row.count, row.paper["val_mre"]) for row in rows if "val_mre" in row.paper]
+    title = experiment.title
+    if experiment.data_type == "photos":
         for _, mean, _ in ours:
             axes.axhline(mean, color=colour, linestyle="--", label=title)
         for _, value in papers:
@@ -82,4 +83,9 @@ def _plot_curve(axes: Axes, lines: Sequence[TableRow], colour: str, scale: float
         counts, means, deviations = zip(*ours, strict=True)
         axes.errorbar(counts, means, deviations, color=colour, marker="o", capsize=3, label=title)
     if papers:
-        axes.plot(*zip(*papers, strict=True), "o", color=colour, fillstyle="none", label=f"{title}, paper")
+        counts, values = zip(*papers, strict=True)
+        axes.plot(counts, values, "o", color=colour, fillstyle="none", label=f"{title}, paper")
+
+
+def _wrap(paragraphs: Sequence[str], width: int) -> list[str]:
+    return [line for paragraph in paragraphs for line in textwrap.wrap(paragraph, width)]

@@ -1,4 +1,8 @@
-"""A mask network as an estimator without refinement, for the paper's mIoU and mask pixel error."""
+"""A mask network as an estimator without refinement, for the paper's mIoU and mask pixel error.
+
+The mask estimator that measures photos zooms in on leaves and refines their edges, which would hide what a
+network has learned.
+"""
 
 import keras
 import numpy as np
@@ -11,7 +15,7 @@ METHOD = "mask network"
 
 
 class MaskOnlyEstimator:
-    """An estimator that gives a mask and refuses areas."""
+    """An estimator that returns a mask and refuses to give an area."""
 
     def __init__(self, model: keras.Model, size: tuple[int, int]) -> None:
         """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1]; `size` is (h, w)."""
@@ -19,7 +23,7 @@ class MaskOnlyEstimator:
         self._predict = compile_inference(model, size)
 
     def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
-        """Measure as `Estimator.measure`: the mask is the network's, resized to the photo, above one half."""
+        """Implement `Estimator.measure`: the mask is where the network's probability is at least one half."""
         small, letterbox = letterbox_image(image, self._size)
         probability = letterbox.crop_and_resize_back(self._predict(small[np.newaxis])[0, ..., 0])
         return Measurement(method=METHOD, mask=probability >= 0.5, refusal="a mask alone has no scale")

@@ -2,12 +2,8 @@
 
 from pathlib import Path
 
-# isort: split
-
-
 DEFAULT_OUT = Path("runs/experiments")
-
-
-SETTINGS, MEASURED = "settings.json", "photos.json"
-"""What a folder of experiments was made with; what a trial's model makes of the photos, which ends it."""
-MIXTURE = "mixture.toml"
+SETTINGS, MIXTURE = "settings.json", "mixture.toml"
+"""Settings of a folder of experiments; the training data of a job."""
+MEASURED = "photos.json"
+"""Metrics of a job on the photos; written last, so its presence says that the job is finished."""

@@ -4,7 +4,7 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from experiments.experiment_specs import METRICS, Experiment
 from experiments.paths import MEASURED, SETTINGS
@@ -12,19 +12,20 @@ from laesi_tf.common.atomic_files import read_json
 from laesi_tf.common.errors import InputError
 
 _SOURCES = {
-    "val_mre": ("val", "mre"),
-    "test_mre": ("test", "mre"),
-    "miou": ("test", "miou"),
-    "mpe": ("test", "mpe"),
+    "val_mre": ("area", "val", "mre"),
+    "test_mre": ("area", "test", "mre"),
+    "miou": ("mask", "test", "miou"),
+    "mpe": ("mask", "test", "mpe"),
 }
-"""Where a figure of the table stands in a trial's figures: masks are judged on the test photos."""
+"""Task, split and key of each metric in the metrics of a job; masks are evaluated on the test photos."""
 
 
 @dataclass(frozen=True)
 class SeedStatistics:
-    """A figure over seeds."""
+    """A metric over seeds: the values of those of `jobs` that have one; others refused every photo."""
 
     values: tuple[float, ...] = ()
+    jobs: int = 0
 
     @property
     def mean(self) -> float | None:
@@ -33,71 +34,79 @@ class SeedStatistics:
 
     @property
     def deviation(self) -> float | None:
-        """Standard deviation over seeds as a sample (n - 1); None for fewer than two."""
+        """Standard deviation of the seeds as a sample (n - 1); None for fewer than two."""
         return statistics.stdev(self.values) if len(self.values) > 1 else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableRow:
-    """A row of the table at one count: ours over seeds, the paper's, both by FIGURES."""
+    """A row of the table at one count: our metrics over seeds and the paper's, with keys from METRICS."""
 
-    row: Experiment
+    experiment: Experiment
     count: int
     ours: Mapping[str, SeedStatistics]
     refused: int
-    """Photos on which no area was given, over seeds and splits."""
+    """Photos for which no area was given, over seeds and splits."""
     origins: frozenset[str]
-    """What its networks' weights started from."""
+    """Initial weights of its networks."""
 
     @property
     def paper(self) -> Mapping[str, float]:
-        """The paper's figures, those that it gives."""
-        return self.row.paper.get(self.count, {})
+        """The metrics that the paper gives."""
+        return self.experiment.paper.get(self.count, {})
 
     @property
     def planned(self) -> Sequence[str]:
-        """The figures that it is to have: masks are learned at the row's first count alone."""
-        return METRICS if self.count == self.row.counts[0] else METRICS[:2]
+        """The metrics that the row is to have: masks are trained at the first count alone."""
+        return METRICS if self.count == self.experiment.counts[0] else METRICS[:2]
 
     @property
     def seeds(self) -> int:
-        """How many seeds the figures are of, the most that any is of."""
-        return max(len(cell.values) for cell in self.ours.values())
+        """The number of seeds that were run, the largest over the metrics."""
+        return max(metric.jobs for metric in self.ours.values())
 
 
 def read_settings(out: Path) -> Mapping[str, Any]:
-    """What the experiments in `out` were made with. Raises InputError where there are none."""
+    """Read the settings of the experiments in `out`. Raises InputError if there are none."""
     if not (out / SETTINGS).is_file():
         raise InputError(f"no experiments in {out}; run python -m experiments.run --out {out} first")
-    return read_json(out / SETTINGS)
+    return cast(Mapping[str, Any], read_json(out / SETTINGS))
 
 
-def collect_rows(out: Path, rows: Sequence[Experiment]) -> list[TableRow]:
-    """A line for each row and count, with what is there of it. Raises InputError for broken figures."""
-    return [_make_row(out, row, count) for row in rows for count in row.counts]
+def collect_rows(out: Path, experiments: Sequence[Experiment]) -> list[TableRow]:
+    """Return a row for each experiment and count, with what has been measured. Raises InputError."""
+    return [_make_row(out, experiment, count) for experiment in experiments for count in experiment.counts]
 
 
-def _make_row(out: Path, row: Experiment, count: int) -> TableRow:
-    found = [read_json(path) for path in sorted((out / f"{row.name}-{count}").glob(f"*/{MEASURED}"))]
-    ours = {
-        name: SeedStatistics(tuple(trial[split][key] for trial in found if trial[split][key] is not None))
-        for name, (split, key) in _SOURCES.items()
+def _make_row(out: Path, experiment: Experiment, count: int) -> TableRow:
+    by_task = {
+        task: [
+            read_json(path)
+            for path in sorted((out / f"{experiment.name}-{count}").glob(f"{task}-*/{MEASURED}"))
+        ]
+        for task in ("area", "mask")
     }
-    # A mask network refuses every area; that is no news.
-    refused = sum(
-        trial[split]["refused"]
-        for trial in found
-        for split in ("val", "test")
-        if trial[split]["mre"] is not None
+    ours = {}
+    for name, (task, split, key) in _SOURCES.items():
+        # The rules measure areas and masks in one job.
+        jobs = by_task[task if task in experiment.tasks else "area"]
+        values = [job[split][key] for job in jobs]
+        ours[name] = SeedStatistics(tuple(value for value in values if value is not None), len(jobs))
+    return TableRow(
+        experiment=experiment,
+        count=count,
+        ours=ours,
+        refused=sum(job[split]["refused"] for job in by_task["area"] for split in ("val", "test")),
+        origins=frozenset(
+            job["weights_origin"] for jobs in by_task.values() for job in jobs if "weights_origin" in job
+        ),
     )
-    origins = frozenset(trial["weights_origin"] for trial in found if "weights_origin" in trial)
-    return TableRow(row=row, count=count, ours=ours, refused=refused, origins=origins)
 
 
-def select_shown_rows(lines: Sequence[TableRow]) -> list[TableRow]:
-    """The lines of the table: each row's first count, and others of which there is a figure."""
+def select_shown_rows(rows: Sequence[TableRow]) -> list[TableRow]:
+    """Return the rows of the table: first counts, and others with a result of ours or the paper's."""
     return [
-        line
-        for line in lines
-        if line.count == line.row.counts[0] or line.seeds or set(line.paper) & set(METRICS)
+        row
+        for row in rows
+        if row.count == row.experiment.counts[0] or row.seeds or set(row.paper) & set(METRICS)
     ]

@@ -1,9 +1,9 @@
 """Run jobs of the experiments: train what is not trained, measure what is not measured, keep all metrics."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import keras
 
@@ -25,22 +25,26 @@ from laesi_tf.training.loop import fit
 from laesi_tf.training.tasks import make_task
 
 _EVALUATED_SPLITS = ("val", "test")
+_ESTIMATORS: Mapping[str, Callable[[Run], Estimator]] = {
+    "area": lambda run: AreaEstimator(run.model, run.spec.size, run.spec.transform),
+    "mask": lambda run: MaskOnlyEstimator(run.model, run.spec.size),
+}
 
 Metrics = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentRunner:
-    """Experiments in the folder `out`, with data sets in the folder `sets`, at a scale of 0 to 1."""
+    """Experiments in the folder `out`, with data sets in the folder `data`, at a scale of 0 to 1."""
 
     out: Path
-    sets: Path
+    data: Path
     photos: PhotoSplits
     scale: float
     weights: str
 
-    def begin(self) -> None:
-        """Note what the experiments are made with. Raises InputError where others have begun in `out`."""
+    def save_settings(self) -> None:
+        """Save the settings. Raises InputError if `out` has experiments with other settings."""
         settings = {"scale": self.scale, "photos": self.photos.counts, "manifest": self.photos.digest}
         path = self.out / SETTINGS
         if not path.is_file():
@@ -50,64 +54,53 @@ class ExperimentRunner:
                 f"{self.out} holds experiments on other photos or at another scale; choose another --out"
             )
 
-    def missing(self, trial: Job) -> str | None:
-        """Why `trial` cannot be run, or None where it can."""
-        if trial.task == "mask" and not self.photos.masked:
+    def explain_missing(self, job: Job) -> str | None:
+        """Return why `job` cannot be run; None if it can."""
+        if job.task == "mask" and not self.photos.has_masks:
             return "no masks in some split of the manifest"
-        size = job_config(trial.task, scale=self.scale).size
-        return datasets.explain_missing_data(trial, self.sets, size=size, scale=self.scale)
+        size = job_config(job.task, scale=self.scale).size
+        return datasets.explain_missing_data(job, self.data, size=size, scale=self.scale)
 
-    def run(self, trial: Job) -> Metrics:
-        """The figures of `trial` on validation and test photos, as `summarise` gives them.
+    def is_finished(self, job: Job) -> bool:
+        """Return whether the job's metrics are there."""
+        return (self.out / job.folder / MEASURED).is_file()
 
-        What a killed run did is kept: training continues, and what was measured is read. Raises InputError,
-        also where the trial was begun with another recipe or other data.
+    def run(self, job: Job) -> Metrics:
+        """Return the metrics of `job` on validation and test photos, as `summarise` gives them.
+
+        An interrupted training is continued, existing metrics are read. Raises InputError, also if the job
+        was started with another recipe or other data, and TrainingDiverged.
         """
-        path = self.out / trial.folder / MEASURED
-        by_rules = trial.row.kind == "rule_based"
+        path = self.out / job.folder / MEASURED
+        uses_rules = job.experiment.data_type == "rule_based"
         if not path.is_file():
-            write_json(path, self._by_rules(trial) if by_rules else self._trained(trial))
-        elif not by_rules:
-            run_directory.check_run_directory(path.parent, self._config(trial))
-        return read_json(path)
+            write_json(path, self._measure_by_rules(job) if uses_rules else self._train_and_measure(job))
+        elif not uses_rules:
+            run_directory.check_run_directory(path.parent, self._config(job))
+        return cast(Metrics, read_json(path))
 
-    def finished(self, trial: Job) -> bool:
-        """Whether nothing is left to be done."""
-        return (self.out / trial.folder / MEASURED).is_file()
+    def _config(self, job: Job) -> TrainConfig:
+        mixture = str((self.out / job.group / MIXTURE).resolve())
+        return job_config(job.task, scale=self.scale, weights=self.weights, seed=job.seed, mixture=mixture)
 
-    def _config(self, trial: Job) -> TrainConfig:
-        mixture = str((self.out / trial.group / MIXTURE).resolve())
-        return job_config(
-            trial.task, scale=self.scale, weights=self.weights, seed=trial.seed, mixture=mixture
-        )
+    def _measure_by_rules(self, job: Job) -> Metrics:
+        scenes = datasets.generate_square_photos(job, self.data, scale=self.scale)
+        return dict.fromkeys(_EVALUATED_SPLITS, summarise(score_photos(EasyLeafArea(), scenes)))
 
-    def _by_rules(self, trial: Job) -> Metrics:
-        scenes = datasets.generate_square_photos(trial, self.sets, scale=self.scale)
-        found = summarise(score_photos(EasyLeafArea(), scenes))
-        return dict.fromkeys(_EVALUATED_SPLITS, found)
-
-    def _trained(self, trial: Job) -> Metrics:
-        settings, splits = self._config(trial), self.photos.splits
-        side, task = settings.size[0], make_task(settings)
-        datasets.write_mixture(
-            Path(settings.mixture), trial, self.photos, self.sets, size=side, scale=self.scale
-        )
-        judged = datasets.make_validation_batches(
-            splits["val"], task=task, size=side, batch_size=settings.batch_size
+    def _train_and_measure(self, job: Job) -> Metrics:
+        config, splits = self._config(job), self.photos.splits
+        side = config.size[0]
+        datasets.write_mixture(Path(config.mixture), job, self.photos, self.data, size=side, scale=self.scale)
+        validation = datasets.make_validation_batches(
+            splits["val"], task=make_task(config), size=side, batch_size=config.batch_size
         )
         result = fit(
-            settings, self.out / trial.folder, validation=judged, validation_name="the validation photos"
+            config, self.out / job.folder, validation=validation, validation_name="the validation photos"
         )
-        estimator = _make_estimator(load_run(result.path))
-        found: dict[str, Any] = {
+        estimator = _ESTIMATORS[job.task](load_run(result.path))
+        metrics: dict[str, Any] = {
             name: summarise(score_photos(estimator, splits[name])) for name in _EVALUATED_SPLITS
         }
         # Two dozen networks with their graphs would fill the memory.
         keras.utils.clear_session()
-        return found | {key: result.metrics[key] for key in ("weights_origin", "minutes")}
-
-
-def _make_estimator(run: Run) -> Estimator:
-    if run.spec.task == "mask":
-        return MaskOnlyEstimator(run.model, run.spec.size)
-    return AreaEstimator(run.model, run.spec.size, run.spec.transform)
+        return metrics | {key: result.metrics[key] for key in ("weights_origin", "minutes")}

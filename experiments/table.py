@@ -1,4 +1,4 @@
-"""The paper's table with our figures beside the paper's, and the error against the data's size.
+"""Write the paper's table with our results beside the paper's, and the error against the size of the data.
 
 Writes table.md, table.csv, table.png and sizes.png. What has not been run is shown as missing.
 """
@@ -7,11 +7,6 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from laesi_tf.cli.arguments import make_parser
-from laesi_tf.cli.console import run_command
-from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json, write_text
-
-# isort: split
 from experiments import figures
 from experiments.experiment_specs import load_experiments
 from experiments.paths import DEFAULT_OUT
@@ -26,47 +21,47 @@ from experiments.table_text import (
     to_markdown,
     write_notes,
 )
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.console import run_command
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json, write_text
 
 _FILES = ("table.md", "table.csv", "table.png", "sizes.png")
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run the command. Raises InputError where there are no experiments or a file cannot be written."""
+    """Write the table and print it. Raises InputError without experiments or where a file is not writable."""
     options = _make_parser().parse_args(arguments)
     out = options.out or options.runs
-    settings, lines = read_settings(options.runs), collect_rows(options.runs, load_experiments())
+    settings, rows = read_settings(options.runs), collect_rows(options.runs, load_experiments())
     for path in (*(out / name for name in _FILES), options.json):
         if path is not None:
             require_writable(path)
-    told, above, below = (
-        select_shown_rows(lines),
-        describe_setup(settings, options.caption),
-        list(write_notes(lines)),
-    )
-    text = to_markdown(told, settings, above, below)
+    shown = select_shown_rows(rows)
+    above, below = describe_setup(settings, options.caption), list(write_notes(rows))
+    text = to_markdown(shown, settings, above, below)
     write_text(out / "table.md", text)
-    write_csv(out / "table.csv", *make_csv(told, settings))
-    drawn = [format_cells(line, settings) for line in told]
-    write_figure(out / "table.png", figures.draw_table(table_header(), drawn, above, below), dpi=130)
-    write_figure(out / "sizes.png", figures.plot_error_by_size(lines, above, settings["scale"]), dpi=130)
+    write_csv(out / "table.csv", *make_csv(shown, settings))
+    cells = [format_cells(row, settings) for row in shown]
+    write_figure(out / "table.png", figures.draw_table(table_header(), cells, above, below), dpi=130)
+    write_figure(out / "sizes.png", figures.plot_error_by_size(rows, above, settings["scale"]), dpi=130)
     if options.json is not None:
-        write_json(options.json, {"notes": [*above, *below], "rows": make_records(told, settings)})
+        write_json(options.json, {"notes": [*above, *below], "rows": make_records(shown, settings)})
     print(text)
     print("written:", ", ".join(str(out / name) for name in _FILES))
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = make_parser("table", __doc__, package="experiments")
-    made.add_argument(
+    parser = make_parser("table", __doc__, package="experiments")
+    parser.add_argument(
         "--runs", type=Path, default=DEFAULT_OUT, metavar="DIR", help="--out of experiments.run"
     )
-    made.add_argument(
+    parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the table (default: that of --runs)"
     )
-    made.add_argument(
+    parser.add_argument(
         "--caption", default=CAPTION, metavar="TEXT", help="what the photographs are, for the reader"
     )
-    return made
+    return parser
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""Measure what a trial of the search costs beside its training steps, and what sharing compiled steps saves.
+"""Measure what a trial costs besides its training steps, and what sharing compiled steps saves.
 
-Trials are those of a worker at its screening budget, from claim to end, in a study of their own. Overhead
-is all of a trial's time but its steps: claiming, resetting, judging, artifacts, the storage, and the
-building and tracing of networks spread over the run. Its CPU time says what it would be on a machine that
-does nothing else. The naive trial builds and traces its network for itself.
+The trials are those of a worker at its screening budget, from claim to end, in a study of their own. Overhead
+is all time of a trial except its steps: claiming, resetting, evaluating, artifacts, the storage, and building
+and tracing networks, averaged over the run. Its CPU time shows what it would be on an idle machine. The trial
+without sharing builds and traces its own network.
 """
 
 import argparse
@@ -11,119 +11,129 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.hardware import describe_hardware, peak_rss_mb
 from laesi_tf.common.parsing import positive_int
 from laesi_tf.common.progress import progress_bar
-
-# isort: split
-import numpy as np
-import tensorflow as tf
-
 from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
-from sweeps.queue.study_storage import RetryPolicy, StudyStorage
-from sweeps.queue.trial_queue import Job
-from sweeps.trials.budget import SCREENING, Budget
-from sweeps.trials.budget_arguments import add_budget_arguments, budget_from_args
-from sweeps.trials.objective import TrainingObjective
+from sweeps.queue.study_storage import RetryPolicy, StudyStorage, quiet_optuna
+from sweeps.queue.trial_queue import ClaimedTrial, Job
+from sweeps.trials.budget import SCREENING, Budget, add_budget_arguments, budget_from_args
 from sweeps.trials.search_space import FACTORS, POINTS
-from sweeps.trials.training_data import TrainingData
-from sweeps.trials.trial_runner import TrialRunner
-from sweeps.workers.worker import run_trials
+from sweeps.workers.watchdog import TrialWatchdog
+from sweeps.workers.worker import TrialResult, run_trials
 
-_NAIVE_TRIALS = 2
+if TYPE_CHECKING:
+    from sweeps.trials.training_data import TrainingData
+
+_UNSHARED_TRIALS = 2
 _TIMES = ("steps_s", "steps_cpu_s", "judging_s")
 _WARMUP_TRIALS = 10
 """Trials after which memory should have stopped growing."""
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run the trials, tell what they cost."""
+    """Run the trials, print what they cost."""
     options = _make_parser().parse_args(arguments)
     if options.json:
         require_writable(options.json)
+    budget = budget_from_args(options, SCREENING)
+    load_tensorflow()
+    quiet_optuna()
+    import tensorflow as tf
+
+    from sweeps.trials.training_data import TrainingData
+
     tf.config.threading.set_intra_op_parallelism_threads(options.threads)
     tf.config.threading.set_inter_op_parallelism_threads(options.threads)
-    budget = budget_from_args(options, SCREENING)
-    pictures = TrainingData(budget, threads=options.threads)
-    figures = measure_trial_cost(budget, pictures, job_selection.select_points(range(options.trials)))
-    figures["naive_trial_s"] = measure_naive_trial_s(budget, pictures)
-    figures |= {"threads": options.threads, "budget": budget.told(), **describe_hardware()}
+    data = TrainingData(budget, threads=options.threads)
+    costs = measure_trial_cost(budget, data, job_selection.select_points(range(options.trials)))
+    costs["naive_trial_s"] = measure_unshared_trial_s(budget, data)
+    costs |= {"threads": options.threads, "budget": budget.to_attributes(), **describe_hardware()}
     if options.json:
-        write_json(options.json, figures)
-    print(_format_table(figures))
+        write_json(options.json, costs)
+    print(_format_table(costs))
 
 
-def measure_trial_cost(budget: Budget, pictures: TrainingData, chosen: Sequence[Job]) -> dict[str, Any]:
-    """Seconds per trial over a worker's run of `chosen` jobs, with a storage in a file, and its memory."""
-    held: list[float] = []
-    with tempfile.TemporaryDirectory() as folder:
-        ledger = GridQueue(StudyStorage(str(Path(folder) / "study.db"), RetryPolicy()), "benchmark", FACTORS)
-        ledger.fill(chosen)
-        objective = TrainingObjective(TrialRunner(budget, pictures), ledger, Path(folder))
-        bar = iter(progress_bar(range(len(chosen)), desc="trials", unit="trial"))
+def measure_trial_cost(budget: Budget, data: "TrainingData", jobs: Sequence[Job]) -> dict[str, Any]:
+    """Measure seconds per trial over a worker's run of `jobs`, with a storage in a file, and its memory."""
+    from sweeps.trials.objective import TrainingObjective
+    from sweeps.trials.trial_runner import TrialRunner
 
-        def measured(claim: Any, clock: Any) -> Any:
-            held.append(peak_rss_mb())
-            next(bar)
-            return objective(claim, clock)
+    memory_mb: list[float] = []
+    with tempfile.TemporaryDirectory() as folder, tqdm(total=len(jobs), unit="trial", delay=2) as bar:
+        queue = GridQueue(StudyStorage(str(Path(folder) / "study.db"), RetryPolicy()), "benchmark", FACTORS)
+        queue.enqueue(jobs)
+        objective = TrainingObjective(TrialRunner(budget, data), queue, Path(folder))
 
-        begun, used = time.perf_counter(), time.process_time()
-        run_trials(ledger, measured)
-        spent, used = time.perf_counter() - begun, time.process_time() - used
-        ended = [standing.complete for standing in ledger.standings().values() if standing.complete]
-    mean = {key: float(np.mean([t.user_attrs[key] for t in ended])) for key in _TIMES}
+        def measured(claim: ClaimedTrial, watchdog: TrialWatchdog) -> TrialResult:
+            memory_mb.append(peak_rss_mb())
+            bar.update()
+            return objective(claim, watchdog)
+
+        started, started_cpu = time.perf_counter(), time.process_time()
+        run_trials(queue, measured)
+        spent_s, spent_cpu_s = time.perf_counter() - started, time.process_time() - started_cpu
+        complete = [history.complete for history in queue.job_histories().values() if history.complete]
+    mean = {key: sum(trial.user_attrs[key] for trial in complete) / len(complete) for key in _TIMES}
     return {
-        "trials": len(ended),
-        "trial_s": spent / len(ended),
-        "overhead_s": spent / len(ended) - mean["steps_s"],
+        "trials": len(complete),
+        "trial_s": spent_s / len(complete),
+        "overhead_s": spent_s / len(complete) - mean["steps_s"],
         **mean,
-        "trial_cpu_s": used / len(ended),
-        "overhead_cpu_s": used / len(ended) - mean["steps_cpu_s"],
+        "trial_cpu_s": spent_cpu_s / len(complete),
+        "overhead_cpu_s": spent_cpu_s / len(complete) - mean["steps_cpu_s"],
         "peak_rss_mb": peak_rss_mb(),
-        "settled_rss_mb": held[min(_WARMUP_TRIALS, len(held) - 1)],
+        "settled_rss_mb": memory_mb[min(_WARMUP_TRIALS, len(memory_mb) - 1)],
     }
 
 
-def measure_naive_trial_s(budget: Budget, pictures: TrainingData) -> float:
-    """Mean seconds of a trial that builds and traces its network; pictures and TensorFlow are there."""
-    begun = time.perf_counter()
-    for point in progress_bar(POINTS[:_NAIVE_TRIALS], desc="naive trials", unit="trial"):
-        TrialRunner(budget, pictures).run(point, job_selection.SCREENING_SEED)
-    return (time.perf_counter() - begun) / _NAIVE_TRIALS
+def measure_unshared_trial_s(budget: Budget, data: "TrainingData") -> float:
+    """Return the mean seconds of a trial that builds and traces its own network, without rendering images."""
+    from sweeps.trials.trial_runner import TrialRunner
+
+    started = time.perf_counter()
+    for point in progress_bar(POINTS[:_UNSHARED_TRIALS], desc="trials without sharing", unit="trial"):
+        TrialRunner(budget, data).run(point, job_selection.SCREENING_SEED)
+    return (time.perf_counter() - started) / _UNSHARED_TRIALS
 
 
-def _format_table(figures: dict[str, Any]) -> str:
+def _format_table(costs: dict[str, Any]) -> str:
     rows = {
         "trial": "trial_s",
-        "  of which its steps": "steps_s",
+        "  steps": "steps_s",
         "  overhead": "overhead_s",
-        "    of which judging": "judging_s",
-        "trial that builds and traces for itself": "naive_trial_s",
+        "    of which evaluation": "judging_s",
+        "trial that builds and traces its own network": "naive_trial_s",
         "CPU time of a trial": "trial_cpu_s",
         "  of its overhead": "overhead_cpu_s",
     }
-    lines = [f"{what:42}{figures[key]:8.2f} s" for what, key in rows.items()]
-    memory = "{settled_rss_mb:.0f} MB after ten trials, {peak_rss_mb:.0f} MB at the end".format(**figures)
-    machine = "{trials} trials, {threads} threads, {machine}, TensorFlow {tensorflow}, {date}".format(
-        **figures
-    )
+    lines = [f"{label:46}{costs[key]:8.2f} s" for label, key in rows.items()]
+    memory = "{settled_rss_mb:.0f} MB after ten trials, {peak_rss_mb:.0f} MB at the end".format(**costs)
+    machine = "{trials} trials, {threads} threads, {machine}, TensorFlow {tensorflow}, {date}".format(**costs)
     return "\n".join([*lines, f"peak memory {memory}", machine])
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = make_parser("benchmark", __doc__, package="sweeps")
-    made.add_argument(
-        "--trials", type=positive_int, default=50, metavar="N", help="trials of the grid, from its first"
+    parser = make_parser("benchmark", __doc__, package="sweeps")
+    parser.add_argument(
+        "--trials",
+        type=positive_int,
+        default=50,
+        metavar="N",
+        help="trials: points of the grid from number 0",
     )
-    made.add_argument("--threads", type=positive_int, default=1, help="threads of the worker")
-    add_budget_arguments(made)
-    return made
+    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the worker")
+    add_budget_arguments(parser)
+    return parser
 
 
 if __name__ == "__main__":

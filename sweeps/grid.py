@@ -12,10 +12,10 @@ _HEADER = ("number", *FACTORS, "augmentations", "learning_rate", "final_learning
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Print the points as CSV, or write them."""
-    command = make_parser("grid", __doc__, package="sweeps")
-    command.add_argument("--out", type=Path, metavar="FILE", help="write the CSV to FILE instead of printing")
-    options = command.parse_args(arguments)
+    """Print the points as CSV, or write them to a file."""
+    parser = make_parser("grid", __doc__, package="sweeps")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the CSV to FILE instead of printing")
+    options = parser.parse_args(arguments)
     for path in filter(None, (options.out, options.json)):
         require_writable(path)
     rows = [_format_row(number, point) for number, point in enumerate(POINTS)]
@@ -28,11 +28,17 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _format_row(number: int, point: Point) -> list[str | int | float]:
-    optimum = int(point == OPTIMUM)
     # Plus signs between the names keep the cell free of commas.
-    named = "+".join(point.augmentations)
-    final = LEARNING_RATE if point.schedule == "constant" else FINAL_LEARNING_RATE
-    return [number, *point.levels.values(), named, LEARNING_RATE, final, optimum]
+    augmentations = "+".join(point.augmentations)
+    final_rate = LEARNING_RATE if point.schedule == "constant" else FINAL_LEARNING_RATE
+    return [
+        number,
+        *point.levels.values(),
+        augmentations,
+        LEARNING_RATE,
+        final_rate,
+        int(point == OPTIMUM),
+    ]
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Work off the 1,425 points of the grid in one Optuna study, or continue where it was stopped.
+"""Run the 1,425 points of the grid as one Optuna study, or continue where it was stopped.
 
-Start it again to continue, on as many machines as you like if the storage is PostgreSQL. Every point ends
-once as complete; what a point fails with is kept with its trial. With --finalists the best points of a
-finished study are tried again at a larger budget, with --spread as many from its best to its worst, which
-shows whether the small budget ranks as the larger does. With --sampler tpe the same space is searched
-freely.
+Start the same command again to continue, on any number of machines if the storage is PostgreSQL. Each point
+completes exactly once, even if a worker, a trial or the database fails; failures are stored with their
+reason. With --finalists the best points of a finished study are repeated at a larger budget, with --spread
+points from its best to its worst, which shows whether both budgets rank alike. With --sampler tpe the same
+space is searched by TPE with pruning.
 """
 
 import argparse
@@ -13,150 +13,194 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from optuna.trial import TrialState
+
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_int
-
-# isort: split
-from optuna.trial import TrialState
-
 from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
-from sweeps.queue.study_storage import DEFAULT_STORAGE, RetryPolicy, StudyStorage, artifact_folder
-from sweeps.queue.trial_queue import JOB, REASON, Job, TrialQueue
-from sweeps.trials.budget import FINAL, SCREENING
-from sweeps.trials.budget_arguments import add_budget_arguments, budget_from_args
-from sweeps.trials.search_space import FACTORS
-from sweeps.workers import worker_pool
+from sweeps.queue.study_storage import (
+    DEFAULT_STORAGE,
+    LOCATION_HELP,
+    RetryPolicy,
+    artifact_folder,
+    open_existing_storage,
+    quiet_optuna,
+    require_folder,
+)
+from sweeps.queue.tpe_queue import TpeQueue
+from sweeps.queue.trial_queue import JOB, Job, TrialQueue
+from sweeps.trials.budget import FINAL, SCREENING, add_budget_arguments, budget_from_args
+from sweeps.trials.search_space import FACTORS, POINTS, Point
 from sweeps.workers.process import run_worker_process
+from sweeps.workers.worker_pool import run_worker_pool
 from sweeps.workers.worker_settings import WorkerSettings
 
-FINALISTS, SPREAD = "finalists", "spread"
+_ALL_POINTS = f"0-{len(POINTS) - 1}"
+_DEFAULT_TRIALS = 150
+_MISSED_HEARTBEATS = 6
+"""Heartbeats without which a worker counts as dead; tracing a network can cost a live one two of them."""
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Write the jobs down, have workers do them, tell how they ended."""
+    """Queue the jobs, let workers run them, print how they ended."""
     options = _make_parser().parse_args(arguments)
+    _check_combination(options)
     if options.json:
         require_writable(options.json)
-    orders = _make_settings(options)
-    book = orders.open()
-    wanted = [] if orders.trials else _select_jobs(options, book.store)
-    book.agree("budget", orders.budget.told())
-    total = orders.trials or _enqueue_jobs(book, wanted)
-    if not book.store.patiently(book.finished):
-        worker_pool.run_worker_pool(
-            run_worker_process, (orders,), workers=options.workers, book=book, total=total
-        )
-    figures = _summarise_study(book)
-    print(_format_summary(figures))
+    quiet_optuna()
+    settings = _make_settings(options)
+    require_folder(settings.folder)
+    queue: TrialQueue
+    if settings.trials:
+        queue, points = _open_search(settings), POINTS
+    else:
+        jobs = _select_jobs(options)
+        queue, points = _open_grid(settings, jobs), tuple(Point(**job.levels) for job in jobs)
+    if not queue.storage.retry_while_offline(queue.is_finished):
+        load_tensorflow()
+        from sweeps.trials.trial_runner import check_weights
+
+        check_weights(settings.budget, points)
+        run_worker_pool(run_worker_process, (settings,), workers=options.workers, queue=queue)
+    summary = _summarise_study(queue)
+    print(_format_summary(summary))
     if options.json:
-        write_json(options.json, figures)
-    if figures["given_up"]:
+        write_json(options.json, summary)
+    if summary["given_up"]:
         raise SystemExit(1)
 
 
-def _enqueue_jobs(ledger: TrialQueue, wanted: Sequence[Job]) -> int:
-    """Write down what is missing in the study and settle what was left open; how many jobs there are."""
-    assert isinstance(ledger, GridQueue)
-    ledger.store.patiently(lambda: ledger.fill(wanted))
-    ledger.store.patiently(ledger.settle)
-    return len(ledger.store.patiently(ledger.standings))
+def _open_search(settings: WorkerSettings) -> TpeQueue:
+    attributes = settings.budget.to_attributes()
+    queue = settings.open_search()
+    queue.check_study_setting("budget", attributes)
+    return queue
 
 
-def _select_jobs(options: argparse.Namespace, store: StudyStorage) -> list[Job]:
+def _open_grid(settings: WorkerSettings, jobs: Sequence[Job]) -> GridQueue:
+    """Open the study's queue with `jobs` in it, and requeue what an earlier run left open."""
+    attributes = settings.budget.to_attributes()
+    queue = settings.open_grid()
+    queue.check_study_setting("budget", attributes)
+    queue.storage.retry_while_offline(lambda: queue.enqueue(jobs))
+    queue.storage.retry_while_offline(queue.requeue_missing)
+    return queue
+
+
+def _select_jobs(options: argparse.Namespace) -> list[Job]:
     if not (options.finalists or options.spread):
-        return job_selection.select_points(job_selection.parse_point_numbers(options.points))
-    screened = GridQueue(store, options.screened, FACTORS).standings()
+        return job_selection.select_points(job_selection.parse_point_numbers(options.points or _ALL_POINTS))
+    storage = open_existing_storage(options.storage)
+    storage.require_study(options.screened)
+    screened = GridQueue(storage, options.screened, FACTORS).job_histories()
     if options.finalists:
         return job_selection.select_finalists(screened, count=options.finalists, seeds=options.seeds)
     return job_selection.select_across_ranking(screened, count=options.spread, seeds=options.seeds)
 
 
-def _summarise_study(book: TrialQueue) -> dict[str, Any]:
-    trials, counts = book.store.patiently(book.trials), book.store.patiently(book.counts)
+def _summarise_study(queue: TrialQueue) -> dict[str, Any]:
+    retry = queue.storage.retry_while_offline
+    trials, counts = retry(queue.get_trials), retry(queue.count_by_state)
     complete = [trial for trial in trials if trial.state is TrialState.COMPLETE]
     best = min(complete, key=lambda trial: trial.values[0], default=None)
     return {
-        "study": book.name,
+        "study": queue.name,
         **{state.name.lower(): count for state, count in counts.items()},
-        "given_up": _given_up(book),
+        "given_up": retry(queue.given_up),
         "best_job": best.user_attrs[JOB] if best else None,
         "best_mre": best.values[0] if best else None,
         "best_levels": best.params if best else None,
     }
 
 
-def _given_up(book: TrialQueue) -> dict[str, list[str]]:
-    """The reasons of each job that is tried no more."""
-    if not isinstance(book, GridQueue):
-        return {}
-    standings = book.store.patiently(book.standings)
-    over = {name: one for name, one in standings.items() if not (one.complete or one.running or one.waiting)}
-    return {name: [trial.user_attrs.get(REASON, "") for trial in one.failed] for name, one in over.items()}
-
-
-def _format_summary(figures: dict[str, Any]) -> str:
-    lines = ["study {study}: {complete} complete, {pruned} pruned, {fail} attempts failed".format(**figures)]
-    if figures["best_job"]:
-        levels = ", ".join(figures["best_levels"].values())
-        lines.append(f"best: {figures['best_job']} with an MRE of {figures['best_mre']:.2f} %: {levels}")
-    lines += [f"given up: {name}: {'; '.join(why)}" for name, why in figures["given_up"].items()]
+def _format_summary(summary: dict[str, Any]) -> str:
+    lines = ["study {study}: {complete} complete, {pruned} pruned, {fail} attempts failed".format(**summary)]
+    if summary["best_job"]:
+        levels = ", ".join(summary["best_levels"].values())
+        lines.append(f"best: {summary['best_job']} with an MRE of {summary['best_mre']:.2f} %: {levels}")
+    lines += [f"given up: {name}: {'; '.join(reasons)}" for name, reasons in summary["given_up"].items()]
     return "\n".join(lines)
 
 
+def _repeated_study(options: argparse.Namespace) -> str:
+    """Return the default study of the points that are repeated; empty for none."""
+    return ("finalists" if options.finalists else "") or ("spread" if options.spread else "")
+
+
+def _check_combination(options: argparse.Namespace) -> None:
+    """Raise InputError for options that have no effect together."""
+    repeated = _repeated_study(options)
+    if repeated and options.sampler != "grid":
+        raise InputError(f"--{repeated} repeats points of the grid; leave out --sampler")
+    if options.trials and options.sampler != "tpe":
+        raise InputError(
+            "--trials is the length of a search; add --sampler tpe, or name --points of the grid"
+        )
+    if options.points and (repeated or options.sampler == "tpe"):
+        raise InputError("--points selects points of the grid; leave out --finalists, --spread and --sampler")
+
+
 def _make_settings(options: argparse.Namespace) -> WorkerSettings:
-    again = (options.finalists and FINALISTS) or (options.spread and SPREAD)
-    if again and options.sampler != "grid":
-        raise InputError(f"--{again} takes points of the grid: leave --sampler out")
-    cores = os.cpu_count() or 1
-    study = options.study or again or options.sampler
-    beats = options.heartbeat
+    repeated = _repeated_study(options)
     return WorkerSettings(
         storage=options.storage,
-        study=study,
-        budget=budget_from_args(options, FINAL if again else SCREENING),
-        # Six beats: tracing a network can keep a worker from one or two.
-        rules=RetryPolicy(options.retries, options.time_limit, beats, 6 * beats),
+        study=options.study or repeated or options.sampler,
+        budget=budget_from_args(options, FINAL if repeated else SCREENING),
+        policy=RetryPolicy(
+            options.retries, options.time_limit, options.heartbeat, _MISSED_HEARTBEATS * options.heartbeat
+        ),
         folder=options.folder or artifact_folder(options.storage),
-        threads=max(1, cores // options.workers),
-        trials=options.trials if options.sampler == "tpe" else 0,
+        threads=max(1, (os.cpu_count() or 1) // options.workers),
+        trials=(options.trials or _DEFAULT_TRIALS) if options.sampler == "tpe" else 0,
     )
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    made = make_parser("run", __doc__, package="sweeps")
-    made.add_argument(
-        "--storage", default=DEFAULT_STORAGE, help="a file, or postgresql://USER@HOST:PORT/DATABASE"
+    parser = make_parser("run", __doc__, package="sweeps")
+    parser.add_argument("--storage", default=DEFAULT_STORAGE, help=LOCATION_HELP)
+    parser.add_argument("--study", help="the study's name (default: grid, tpe, finalists or spread)")
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        help="folder of artifacts and checkpoints (default: that of the storage's file)",
     )
-    made.add_argument("--study", help="the study's name (default: grid, tpe or finalists)")
-    made.add_argument("--folder", type=Path, help="for artifacts and checkpoints (default: beside the file)")
-    made.add_argument(
-        "--workers", type=positive_int, default=min(4, os.cpu_count() or 1), help="processes here"
+    parser.add_argument(
+        "--workers", type=positive_int, default=min(4, os.cpu_count() or 1), help="processes on this machine"
     )
-    made.add_argument("--sampler", choices=("grid", "tpe"), default="grid", help="all points, or a search")
-    made.add_argument("--trials", type=positive_int, default=150, help="trials of a search")
-    made.add_argument("--points", default="0-1424", help="numbers of points, as 0-19,380")
-    again = made.add_mutually_exclusive_group()
-    again.add_argument(
-        "--finalists", type=positive_int, help="try this many best, and the paper's optimum, again"
+    parser.add_argument("--sampler", choices=("grid", "tpe"), default="grid", help="all points, or a search")
+    parser.add_argument(
+        "--trials", type=positive_int, help=f"trials of --sampler tpe (default: {_DEFAULT_TRIALS})"
     )
-    again.add_argument("--spread", type=positive_int, help="try this many from the best to the worst again")
-    made.add_argument("--screened", default="grid", metavar="STUDY", help="the study those come from")
-    made.add_argument("--seeds", type=positive_int, default=3, help="seeds of each that is tried again")
-    made.add_argument("--retries", type=int, default=3, help="attempts at a point after the first")
-    made.add_argument("--time-limit", type=float, default=300.0, metavar="S", help="seconds a trial may take")
-    made.add_argument(
+    parser.add_argument("--points", help=f"numbers of points, such as 0-19,380 (default: {_ALL_POINTS})")
+    repeated = parser.add_mutually_exclusive_group()
+    repeated.add_argument(
+        "--finalists", type=positive_int, help="repeat this many best points, and the paper's optimum"
+    )
+    repeated.add_argument(
+        "--spread", type=positive_int, help="repeat this many points, from the best to the worst"
+    )
+    parser.add_argument(
+        "--screened", default="grid", metavar="STUDY", help="study from which points are repeated"
+    )
+    parser.add_argument("--seeds", type=positive_int, default=3, help="seeds of each repeated point")
+    parser.add_argument("--retries", type=int, default=3, help="attempts at a point after the first")
+    parser.add_argument(
+        "--time-limit", type=float, default=300.0, metavar="S", help="seconds that a trial may take"
+    )
+    parser.add_argument(
         "--heartbeat",
         type=positive_int,
         default=10,
         metavar="S",
-        help="seconds between signs of life; six missed and a worker's trial is given to another",
+        help=f"seconds between heartbeats; after {_MISSED_HEARTBEATS} missed another worker gets the trial",
     )
-    add_budget_arguments(made)
-    return made
+    add_budget_arguments(parser)
+    return parser
 
 
 if __name__ == "__main__":

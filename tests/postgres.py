@@ -1,4 +1,4 @@
-"""A real PostgreSQL server on loopback, for the tests of what is kept in one."""
+"""A real PostgreSQL server on loopback, for the tests of storages."""
 
 import os
 import shutil
@@ -13,7 +13,7 @@ import psycopg
 
 
 def binaries() -> Path | None:
-    """The folder of `postgres` and `initdb`; Debian keeps it off the path."""
+    """Return the folder of `postgres` and `initdb`, which Debian keeps off the path, or None."""
     debian = sorted(Path("/usr/lib/postgresql").glob("*/bin/postgres"))
     found = shutil.which("postgres") or (debian[-1] if debian else None)
     return Path(found).resolve().parent if found else None
@@ -23,26 +23,27 @@ class Server:
     """A server with its data in a folder of its own."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self._as = folder, []
+        self.folder = folder
+        self._run_as: list[str] = []
         if os.geteuid() == 0:  # the server refuses to run as root
             shutil.chown(folder, "postgres")
-            self._as = ["runuser", "-u", "postgres", "--"]
+            self._run_as = ["runuser", "-u", "postgres", "--"]
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         self._run("initdb", "--auth=trust", "--username=laesi", "--no-sync", "--encoding=UTF8", "--locale=C")
 
     def start(self) -> None:
-        """Start it and wait until it answers."""
+        """Start the server and wait until it answers."""
         options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories='' -c fsync=off"
         self._run("pg_ctl", "start", "-w", "-l", str(self.folder / "log"), "-o", options)
 
     def stop(self) -> None:
-        """End it at once, as a crash would: connections break, nothing is written in an orderly way."""
+        """Stop the server at once, as a crash does: connections break, nothing is shut down in order."""
         self._run("pg_ctl", "stop", "-m", "immediate")
 
-    def database(self, name: str) -> str:
-        """The URL of a new database."""
+    def create_database(self, name: str) -> str:
+        """Create a database and return its URL."""
         with psycopg.connect(f"{self._url}/postgres", autocommit=True) as connection:
             connection.execute(f'CREATE DATABASE "{name}"')
         return f"{self._url}/{name}"
@@ -52,21 +53,21 @@ class Server:
         return f"postgresql://laesi@127.0.0.1:{self.port}"
 
     def _run(self, program: str, *arguments: str) -> None:
-        command = [*self._as, str(binaries() / program), "-D", str(self.folder / "data"), *arguments]
-        # A started server keeps the pipes it is given: to a file, or one would wait for them for ever.
-        with tempfile.TemporaryFile() as told:
-            if subprocess.run(command, stdout=told, stderr=told, cwd="/", check=False).returncode:
-                told.seek(0)
-                raise RuntimeError(told.read().decode())
+        command = [*self._run_as, f"{binaries()}/{program}", "-D", str(self.folder / "data"), *arguments]
+        # A started server keeps the pipes that it is given open, so its output goes to a file.
+        with tempfile.TemporaryFile() as output:
+            if subprocess.run(command, stdout=output, stderr=output, cwd="/", check=False).returncode:
+                output.seek(0)
+                raise RuntimeError(output.read().decode())
 
 
 @contextmanager
-def server() -> Iterator[Server]:
-    """A running server, gone afterwards."""
+def run_server() -> Iterator[Server]:
+    """Run a server inside this context."""
     with tempfile.TemporaryDirectory(prefix="laesi-postgres-", dir="/tmp") as folder:
-        made = Server(Path(folder))
-        made.start()
+        server = Server(Path(folder))
+        server.start()
         try:
-            yield made
+            yield server
         finally:
-            made.stop()
+            server.stop()

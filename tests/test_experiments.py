@@ -13,7 +13,7 @@ from green import disk, mask_network, photo
 from PIL import Image
 
 from experiments import datasets, experiment_specs, paths, runner
-from experiments import run as run_module
+from experiments import run as command
 from experiments.experiment_specs import Job, load_experiments, plan_jobs
 from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.run import main
@@ -30,7 +30,7 @@ Run = Callable[..., dict[str, Any]]
 
 
 def write_manifest(folder: Path, *, masks: bool = True) -> Path:
-    """A manifest of discs: four photos to train on, two in either other split."""
+    """Write a manifest of discs: four photos to train on, two in each other split."""
     splits = ["train"] * 4 + ["val"] * 2 + ["test"] * 2
     lines = ["image,area_cm2,split" + (",mask" if masks else "")]
     for index, split in enumerate(splits):
@@ -50,8 +50,8 @@ def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Run experiments, of `tasks` alone, into a folder and return what --json says."""
-    sets = tmp_path_factory.mktemp("sets")
+    """Return a function that runs experiments, of `tasks` alone, into a folder and returns their metrics."""
+    data = tmp_path_factory.mktemp("data")
 
     def call(
         out: Path,
@@ -60,79 +60,81 @@ def run(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
         photos: Path = manifest,
         scale: float = SCALE,
     ) -> dict[str, Any]:
-        options = ["--photos", photos, "--out", out, "--data", sets, "--json", out / "told.json"]
+        options = ["--photos", photos, "--out", out, "--data", data, "--json", out / "metrics.json"]
         options += ["--scale", scale, "--seeds", 1, "--weights", "none"]
         with pytest.MonkeyPatch.context() as patch:
-            chosen = [trial for trial in plan_jobs(load_experiments(names), seeds=1) if trial.task in tasks]
-            patch.setattr(run_module, "plan_jobs", lambda *_, **__: chosen)
+            jobs = [job for job in plan_jobs(load_experiments(names), seeds=1) if job.task in tasks]
+            patch.setattr(command, "plan_jobs", lambda *_, **__: jobs)
             main([*names, *map(str, options)])
-        return json.loads((out / "told.json").read_text())
+        metrics: dict[str, Any] = json.loads((out / "metrics.json").read_text())
+        return metrics
 
     return call
 
 
 @pytest.fixture(scope="module")
 def finished(run: Run, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """Experiments that nothing interrupted: their folder and figures."""
+    """Run experiments without interruption; return their folder and metrics."""
     out = tmp_path_factory.mktemp("runs") / "experiments"
-    told = run(out, "real_baseline", "controlnet")
-    return out, told | run(out, "rule_based", "rendering_1", tasks=["area"])
+    metrics = run(out, "real_baseline", "controlnet")
+    return out, metrics | run(out, "rule_based", "rendering_1", tasks=["area"])
 
 
-def test_rows_are_the_papers_with_its_figures() -> None:
-    found = load_experiments()
-    assert [row.name for row in found] == NAMES
-    table = {row.name: row.paper[row.counts[0]] for row in found}
-    assert table["rule_based"] == {"val_mre": 38.3, "test_mre": 38.3}
-    assert [list(table[name].values()) for name in NAMES[1:]] == [
+def test_the_experiments_are_the_papers_with_its_results() -> None:
+    experiments = load_experiments()
+    assert [experiment.name for experiment in experiments] == NAMES
+    paper = {experiment.name: experiment.paper[experiment.counts[0]] for experiment in experiments}
+    assert paper["rule_based"] == {"val_mre": 38.3, "test_mre": 38.3}
+    assert [list(paper[name].values()) for name in NAMES[1:]] == [
         [12.5, 12.9, 0.79, 0.08],
         [12.0, 11.0, 0.81, 0.07],
         [10.8, 11.3, 0.82, 0.07],
         [8.4, 10.0, 0.80, 0.09],
         [8.5, 9.2, 0.83, 0.05],
     ]
-    assert found[-1].paper[10000] == {"val_mre": 6.1, "test_mre": 6.2}
-    assert found[-1].counts == found[-2].counts == (5000, 6000, 7000, 8000, 9000, 10000)
+    assert experiments[-1].paper[10000] == {"val_mre": 6.1, "test_mre": 6.2}
+    assert experiments[-1].counts == experiments[-2].counts == (5000, 6000, 7000, 8000, 9000, 10000)
 
 
-def test_every_seed_sees_every_row_and_masks_only_the_tables() -> None:
-    planned = plan_jobs(load_experiments(), seeds=3)
-    assert len({trial.folder for trial in planned}) == len(planned)
-    assert [trial.seed for trial in planned] == sorted(trial.seed for trial in planned)
-    first = [trial for trial in planned if trial.seed == 0]
-    assert [trial.row.name for trial in first if trial.task == "mask"] == NAMES[1:]
-    assert all(trial.count == trial.row.counts[0] for trial in first if trial.task == "mask")
-    areas = [(trial.row.name, trial.count) for trial in first if trial.task == "area"]
-    assert areas == [(row.name, count) for row in load_experiments() for count in row.counts]
+def test_every_seed_has_every_row_and_masks_at_the_first_count_alone() -> None:
+    jobs = plan_jobs(load_experiments(), seeds=3)
+    assert len({job.folder for job in jobs}) == len(jobs)
+    assert [job.seed for job in jobs] == sorted(job.seed for job in jobs)
+    first = [job for job in jobs if job.seed == 0]
+    masks = [job for job in first if job.task == "mask"]
+    assert [job.experiment.name for job in masks] == NAMES[1:]
+    assert all(job.count == job.experiment.counts[0] for job in masks)
+    areas = [(job.experiment.name, job.count) for job in first if job.task == "area"]
+    assert areas == [(one.name, count) for one in load_experiments() for count in one.counts]
 
 
 @pytest.mark.parametrize("task", ["area", "mask"])
-def test_the_recipe_is_one_for_all_rows_and_shrinks(task: str) -> None:
-    whole = experiment_specs.job_config(task, scale=1.0)
-    assert (whole.task, whole.size, whole.optimizer) == (task, (160, 160), "rmsprop")
-    assert whole.learning_rate == 1e-3 and whole.final_learning_rate == 1e-9 and whole.schedule == "piecewise"
+def test_all_rows_share_one_recipe_which_can_be_shortened(task: str) -> None:
+    full = experiment_specs.job_config(task, scale=1.0)
+    assert (full.task, full.size, full.optimizer) == (task, (160, 160), "rmsprop")
+    assert full.learning_rate == 1e-3 and full.final_learning_rate == 1e-9 and full.schedule == "piecewise"
     short = experiment_specs.job_config(task, scale=0.36, seed=7)
-    assert short.size == (96, 96) and short.steps == pytest.approx(0.36 * whole.steps, abs=1)
-    assert short.seed == 7 and whole.seed == 0
+    assert short.size == (96, 96) and short.steps == pytest.approx(0.36 * full.steps, abs=1)
+    assert short.seed == 7 and full.seed == 0
     assert experiment_specs.job_config(task, scale=1e-4).steps == 1
 
 
-def test_what_has_data_is_trained_and_measured_and_the_rest_is_missing(
+def test_experiments_with_data_are_trained_and_measured_and_the_others_are_missing(
     finished: tuple[Path, dict[str, Any]],
 ) -> None:
-    out, told = finished
-    mask = told["real_baseline-0/mask-0"]
+    out, results = finished
+    mask = results["real_baseline-0/mask-0"]
     for name in ("real_baseline-0", "rendering_1-5000"):
-        area = told[f"{name}/area-0"]
+        area = results[f"{name}/area-0"]
         for split in ("val", "test"):
             assert area[split]["mre"] > 0 and area[split]["miou"] is None and area[split]["n"] == 1
             assert 0 <= mask[split]["miou"] <= 1 and mask[split]["mre"] is None
-        # The figure of the best model by the training loop and by the scoring of photos.
+        # The training loop and the scoring of photos agree on the best model.
         metrics = json.loads((out / name / "area-0" / "metrics.json").read_text())
         assert area["val"]["mre"] == pytest.approx(metrics["mre"], rel=0.02)
-    rules = told["rule_based-30/area-0"]
+    rules = results["rule_based-30/area-0"]
     assert rules["val"] == rules["test"] and rules["val"]["n"] == 1 and rules["val"]["miou"] is not None
-    assert told["controlnet-5000/area-0"] is None and told["controlnet-5000/mask-0"] is None
+    assert results["controlnet-5000/area-0"] is None and results["controlnet-5000/mask-0"] is None
     assert not (out / "controlnet-5000").exists()
     report = (out / "real_baseline-0" / "area-0" / "report.html").read_text()
     assert (
@@ -154,43 +156,43 @@ def test_each_row_is_trained_on_its_data(finished: tuple[Path, dict[str, Any]]) 
     assert [(source.name, source.weight) for source in sources] == [("photos", 1.0), ("scenes", 25.0)]
 
 
-def test_finished_seeds_are_passed_over(
+def test_finished_seeds_are_skipped(
     finished: tuple[Path, dict[str, Any]],
     run: Run,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    out, told = finished
-    for name in ("fit", "evaluate"):
-        monkeypatch.setattr(runner, name, lambda *_, **__: pytest.fail("done again"))
-    again = run(out, "real_baseline", "rule_based")
-    assert again == {name: told[name] for name in again} and len(again) == 3
+    out, results = finished
+    for name in ("fit", "score_photos"):
+        monkeypatch.setattr(runner, name, lambda *_, **__: pytest.fail("run again"))
+    repeated = run(out, "real_baseline", "rule_based")
+    assert repeated == {name: results[name] for name in repeated} and len(repeated) == 3
     assert capsys.readouterr().out.count("finished before") == 3
 
 
-def test_killed_experiments_go_on_to_the_same_figures(
+def test_interrupted_experiments_continue_to_the_same_results(
     finished: tuple[Path, dict[str, Any]], run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Stopped in its training, then in its measuring."""
-    out, (_, told) = tmp_path / "out", finished
+    """Interrupted while training, then while measuring."""
+    out, (_, results) = tmp_path / "out", finished
     area = out / "real_baseline-0" / "area-0"
 
-    def interrupt(*_: Any) -> None:
+    def interrupt(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    for where, name, left in (
+    for owner, name, left in (
         (loop.TrainingLoop, "_validate", "state.npz"),
-        (runner, "evaluate", "best.keras"),
+        (runner, "score_photos", "best.keras"),
     ):
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(where, name, interrupt)
+            patch.setattr(owner, name, interrupt)
             run(out, "real_baseline", tasks=["area"])
         assert (area / left).is_file() and not (area / paths.MEASURED).exists()
     (resumed,) = run(out, "real_baseline", tasks=["area"]).values()
-    assert resumed | {"minutes": 0} == told["real_baseline-0/area-0"] | {"minutes": 0}
+    assert resumed | {"minutes": 0} == results["real_baseline-0/area-0"] | {"minutes": 0}
 
 
-def test_other_photos_scales_and_recipes_do_not_mix(
+def test_other_photos_scales_and_recipes_are_refused(
     finished: tuple[Path, dict[str, Any]], run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, _ = finished
@@ -199,23 +201,23 @@ def test_other_photos_scales_and_recipes_do_not_mix(
     with pytest.raises(InputError, match="other photos or at another scale"):
         run(out, "real_baseline", photos=write_manifest(tmp_path, masks=False))
     recipe = experiment_specs.job_config
-    monkeypatch.setattr(runner, "config", lambda task, **keys: recipe(task, optimizer="adam", **keys))
+    monkeypatch.setattr(runner, "job_config", lambda task, **keys: recipe(task, optimizer="adam", **keys))
     with pytest.raises(InputError, match="differs in optimizer"):
         run(out, "real_baseline")
 
 
-def test_without_masks_areas_are_learned_all_the_same(
+def test_without_masks_areas_are_trained(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ran: list[Job] = []
-    figures = {split: {"mre": 1.0, "miou": None} for split in ("val", "test")}
-    monkeypatch.setattr(runner.ExperimentRunner, "run", lambda _, trial: ran.append(trial) or figures)
-    told = run(tmp_path / "out", "real_baseline", photos=write_manifest(tmp_path, masks=False))
-    assert [trial.task for trial in ran] == ["area"] and told["real_baseline-0/mask-0"] is None
+    jobs: list[Job] = []
+    metrics = {split: {"mre": 1.0, "miou": None} for split in ("val", "test")}
+    monkeypatch.setattr(runner.ExperimentRunner, "run", lambda _, job: jobs.append(job) or metrics)
+    results = run(tmp_path / "out", "real_baseline", photos=write_manifest(tmp_path, masks=False))
+    assert [job.task for job in jobs] == ["area"] and results["real_baseline-0/mask-0"] is None
     assert "real_baseline, mask: missing: no masks" in capsys.readouterr().out
 
 
-def test_a_seed_that_diverges_does_not_end_the_others(
+def test_a_seed_that_diverges_does_not_stop_the_others(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def diverge(*_: Any) -> None:
@@ -226,26 +228,26 @@ def test_a_seed_that_diverges_does_not_end_the_others(
 
 
 @pytest.mark.parametrize(
-    ("count", "side", "form", "said"),
+    ("count", "side", "form", "message"),
     [
         (5000, 32, "records", None),
-        (4999, 32, "records", "4999 pictures, not 5000"),
+        (4999, 32, "records", "4999 images; 5000 are needed"),
         (5000, 64, "records", "32 x 32 pixels"),
         (5000, 32, "folder", "records"),
     ],
 )
-def test_inpainted_pictures_must_be_enough_and_of_the_size(
-    tmp_path: Path, count: int, side: int, form: str, said: str | None
+def test_inpainted_records_must_be_enough_and_of_the_right_size(
+    tmp_path: Path, count: int, side: int, form: str, message: str | None
 ) -> None:
-    (row,) = load_experiments(["controlnet"])
-    contents = DatasetSpec(count=count, size=(side, side), per_shard=1000, seed=0, format=form, ranges="")
-    dataset_spec.start_dataset(tmp_path / row.folder, contents)
-    trial = Job(row=row, count=5000, task="area", seed=0)
-    found = datasets.explain_missing_data(trial, tmp_path, size=(32, 32), scale=1.0)
-    assert found is None if said is None else found is not None and said in found
+    (experiment,) = load_experiments(["controlnet"])
+    spec = DatasetSpec(count=count, size=(side, side), per_shard=1000, seed=0, format=form, ranges="")
+    dataset_spec.start_dataset(tmp_path / experiment.folder, spec)
+    job = Job(experiment=experiment, count=5000, task="area", seed=0)
+    reason = datasets.explain_missing_data(job, tmp_path, size=(32, 32), scale=1.0)
+    assert reason is None if message is None else reason is not None and message in reason
 
 
-class TestNetworkMask(EstimatorConformance):
+class TestMaskOnlyEstimator(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
@@ -256,12 +258,12 @@ class TestNetworkMask(EstimatorConformance):
 def test_the_networks_own_mask_covers_the_photo(size: tuple[int, int]) -> None:
     mask = MaskOnlyEstimator(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
     assert mask is not None
-    true = disk(*size)
-    assert (mask & true).sum() / (mask | true).sum() > 0.95
+    expected = disk(*size)
+    assert (mask & expected).sum() / (mask | expected).sum() > 0.95
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["rendering_3"], "unknown experiment 'rendering_3'"),
         (["--scale", "0"], "share above 0"),
@@ -271,13 +273,13 @@ def test_the_networks_own_mask_covers_the_photo(size: tuple[int, int]) -> None:
         (["--weights", "nowhere.h5", "real_baseline", "--scale", "0.005"], "no weights file nowhere.h5"),
     ],
 )
-def test_bad_input(arguments: Sequence[str], said: str, manifest: Path, tmp_path: Path) -> None:
-    places = ["--photos", manifest, "--out", tmp_path / "out", "--data", tmp_path / "sets"]
-    with pytest.raises(InputError, match=said):
-        main([*map(str, places), *arguments])
+def test_bad_input_is_refused(arguments: Sequence[str], message: str, manifest: Path, tmp_path: Path) -> None:
+    folders = ["--photos", manifest, "--out", tmp_path / "out", "--data", tmp_path / "data"]
+    with pytest.raises(InputError, match=message):
+        main([*map(str, folders), *arguments])
 
 
-def test_a_manifest_without_the_three_splits_is_told(tmp_path: Path) -> None:
+def test_a_manifest_without_the_three_splits_is_refused(tmp_path: Path) -> None:
     manifest = write_manifest(tmp_path)
     manifest.write_text(manifest.read_text().replace(",val,", ",train,"))
     with pytest.raises(InputError, match="no photo in split 'val'"):

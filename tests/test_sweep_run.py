@@ -5,13 +5,16 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
+from sweep_studies import write_finished_study
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.run_files import CONFIG_FILE
 from laesi_tf.training.config_files import load_config
 from sweeps import dashboard, run
+from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy
 from sweeps.queue.trial_queue import TrialQueue
 from sweeps.trials.search_space import POINTS
@@ -23,93 +26,125 @@ TINY = "--size 32 --batch-size 8 --steps 4 --pictures 16 --validation 64 --calib
 COMPOSE = Path(run.__file__).parent / "compose.yaml"
 
 
-def arguments(folder: Path, *more: str) -> list[str]:
+def make_arguments(folder: Path, *more: str) -> list[str]:
     tiny = [*TINY.split(), "--weights-small", "none", "--weights-large", "none", "--workers", "1"]
     return ["--storage", str(folder / "study.db"), *tiny, *more]
 
 
-def test_it_works_off_points_and_continues(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def open_grid(folder: Path, *more: str) -> GridQueue:
+    """Open the study of point 3 as the command does, without running it."""
+    options = run._make_parser().parse_args(make_arguments(folder, "--points", "3", *more))
+    return run._open_grid(run._make_settings(options), run._select_jobs(options))
+
+
+def test_it_runs_points_and_continues(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, both = f"{SMALL[0]}-{SMALL[1]}", f"{SMALL[0]}-{SMALL[2]}"
-    run.main(arguments(tmp_path, "--points", first, "--json", str(tmp_path / "one.json")))
+    run.main(make_arguments(tmp_path, "--points", first, "--json", str(tmp_path / "one.json")))
     assert json.loads((tmp_path / "one.json").read_text())["complete"] == 2
-    with pytest.raises(InputError, match="steps 4 there, 5 here"):
-        run.main(arguments(tmp_path, "--points", both, "--steps", "5"))
-    # What is done is not done again, and no worker is started where nothing is left.
-    run.main(arguments(tmp_path, "--points", first))
+    with pytest.raises(InputError, match="steps is 4 there and 5 here"):
+        run.main(make_arguments(tmp_path, "--points", both, "--steps", "5"))
+    # Complete points are not repeated, and no worker is started if none is left.
+    run.main(make_arguments(tmp_path, "--points", first))
     assert "2 complete, 0 pruned, 0 attempts failed" in capsys.readouterr().out
-    figures = json.loads((tmp_path / "one.json").read_text())
-    assert figures["best_mre"] > 0 and not figures["given_up"]
+    summary = json.loads((tmp_path / "one.json").read_text())
+    assert summary["best_mre"] > 0 and not summary["given_up"]
     checkpoints = sorted((tmp_path / "checkpoints").iterdir())
     assert checkpoints and load_config(checkpoints[0] / CONFIG_FILE).steps == 4
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "message"),
     [
-        (["--points", "7-x"], "is not numbers"),
-        (["--points", "0-1425"], "is not within 0-1424"),
+        (["--points", "7-x"], "is not a list of numbers"),
+        (["--points", "0-19,5-3"], "5-3 is reversed"),
         (["--validation", "100"], "multiple of 64"),
-        (["--large", "huge"], "neither large nor"),
+        (["--large", "huge"], "must be large or large_minimalistic"),
         (["--weights-large", "absent.h5"], "no weights file"),
-        (["--finalists", "3"], "screening is not complete"),
-        (["--finalists", "3", "--sampler", "tpe"], "leave --sampler out"),
-        (["--spread", "3"], "screening is not complete"),
+        (["--finalists", "3"], r"no storage .*study\.db"),
+        (["--finalists", "3", "--sampler", "tpe"], "leave out --sampler"),
+        (["--finalists", "3", "--points", "3"], "leave out --finalists"),
+        (["--sampler", "tpe", "--points", "3"], "leave out --finalists, --spread and --sampler"),
+        (["--trials", "3"], "add --sampler tpe"),
+        (["--spread", "3"], r"no storage .*study\.db"),
         (["--spread", "3", "--finalists", "3"], "not allowed with"),
-        (["--time-limit", "0"], "are not to be had"),
+        (["--time-limit", "0"], "must be above 0"),
+        (["--retries", "-1"], "must be 0 or more"),
         (["--json", "."], "is a folder"),
         (["--sampler", "random"], "invalid choice"),
+        (["--folder", __file__], "is a file; name a folder"),
     ],
 )
-def test_bad_input(tmp_path: Path, more: list[str], told: str) -> None:
-    with pytest.raises(InputError, match=told):
-        run.main(arguments(tmp_path, *more))
+def test_bad_input_is_refused_before_anything_is_written(
+    tmp_path: Path, more: list[str], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        run.main(make_arguments(tmp_path, *more))
+    assert not list(tmp_path.iterdir())
+
+
+def test_finalists_need_a_complete_screening(tmp_path: Path) -> None:
+    write_finished_study(str(tmp_path / "study.db"), np.ones((3, 2)), name="other")
+    with pytest.raises(InputError, match=r"no study grid in .*; there are: other"):
+        run.main(make_arguments(tmp_path, "--finalists", "3"))
+    open_grid(tmp_path)
+    with pytest.raises(InputError, match="1 of 1 points are open; finish it"):
+        run.main(make_arguments(tmp_path, "--finalists", "3"))
+
+
+def test_missing_weights_are_reported_before_any_worker_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sweeps.trials import trial_runner
+
+    def refuse(*_: object, **__: object) -> None:
+        raise InputError("no ImageNet weights for large (no route to host); pass --weights PATH")
+
+    monkeypatch.setattr(trial_runner, "initialise_network", refuse)
+    monkeypatch.setattr(run, "run_worker_pool", lambda *_, **__: pytest.fail("a worker was started"))
+    with pytest.raises(InputError, match=r"large_imagenet .*no route to host.*pass --weights-large FILE"):
+        run.main(make_arguments(tmp_path, "--points", "3"))
 
 
 def test_a_study_with_points_given_up_ends_with_status_1(tmp_path: Path) -> None:
-    options = run._make_parser().parse_args(arguments(tmp_path, "--points", "3"))
-    orders = run._make_settings(options)
-    ledger = orders.open()
-    run._enqueue_jobs(ledger, run._select_jobs(options, ledger.store))
-    while claim := ledger.claim():
-        ledger.fail(claim, "as it was told")
+    queue = open_grid(tmp_path)
+    while claim := queue.claim():
+        queue.fail(claim, "failed on purpose")
     with pytest.raises(SystemExit) as ended:
-        run.main(arguments(tmp_path, "--points", "3"))
+        run.main(make_arguments(tmp_path, "--points", "3"))
     assert ended.value.code == 1
-    ledger = run._make_settings(run._make_parser().parse_args(arguments(tmp_path, "--retries", "5"))).open()
-    run._enqueue_jobs(ledger, run._select_jobs(options, ledger.store))
-    assert ledger.claim() is not None, "more retries than before take it up again"
+    assert open_grid(tmp_path, "--retries", "5").claim() is not None, "more retries than before are used"
 
 
-def test_a_worker_that_finds_the_database_away_comes_again(
+def test_a_worker_that_starts_while_the_database_is_offline_waits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    orders = run._make_settings(run._make_parser().parse_args(arguments(tmp_path, "--points", "3")))
-    opened, open_it = [], WorkerSettings.open
+    options = run._make_parser().parse_args(make_arguments(tmp_path, "--points", "3"))
+    settings = run._make_settings(options)
+    attempts, open_queue = [], WorkerSettings.open_queue
 
-    def away(self: WorkerSettings) -> TrialQueue:
-        opened.append(self)
-        if len(opened) < 3:
+    def fail_twice(self: WorkerSettings) -> TrialQueue:
+        attempts.append(self)
+        if len(attempts) < 3:
             raise InputError("cannot open the storage")
-        return open_it(self)
+        return open_queue(self)
 
-    monkeypatch.setattr(WorkerSettings, "open", away)
+    monkeypatch.setattr(WorkerSettings, "open_queue", fail_twice)
     monkeypatch.setattr(process, "_RETRY_PAUSE_S", 0.0)
-    assert process._open_queue(orders).name == "grid"
-    opened.clear()
+    assert process._open_queue(settings).name == "grid"
+    attempts.clear()
     with pytest.raises(InputError, match="cannot open"):
-        process._open_queue(dataclasses.replace(orders, rules=RetryPolicy(patience_s=-1)))
+        process._open_queue(dataclasses.replace(settings, policy=RetryPolicy(patience_s=-1)))
 
 
-def test_the_compose_file_starts_what_there_is() -> None:
+def test_the_compose_file_starts_existing_commands() -> None:
     services = yaml.safe_load(COMPOSE.read_text())["services"]
     assert set(services) == {"database", "workers", "dashboard"}
     assert "ports" not in services["database"]
     assert all(re.fullmatch(r"127\.0\.0\.1:\d+:8080", port) for port in services["dashboard"]["ports"])
-    for name, module, options in (
+    for name, module, parser in (
         ("workers", "run", run._make_parser()),
-        ("dashboard", "watch", dashboard._make_parser()),
+        ("dashboard", "dashboard", dashboard._make_parser()),
     ):
-        written = services[name]["command"]
-        command = re.sub(r"\$\{\w+:-(\w*)\}", r"\1", written).split()
+        command = re.sub(r"\$\{\w+:-(\w*)\}", r"\1", services[name]["command"]).split()
         assert command[:3] == ["python", "-m", f"sweeps.{module}"]
-        assert options.parse_args(command[3:]).storage.startswith("postgresql://")
+        assert parser.parse_args(command[3:]).storage.startswith("postgresql://")

@@ -1,1 +1,1 @@
-"""Analysis of a finished sweep: tables, effects, rankings, charts and findings."""
+"""Analysis of a sweep: tables, effects, rankings, charts and a page of findings."""

@@ -1,7 +1,9 @@
 """Compare how a small and a larger budget rank points, and rank the paper's optimum."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -9,7 +11,8 @@ from scipy import stats
 from sweeps.analysis.trial_table import TrialRecord
 from sweeps.trials.search_space import OPTIMUM, POINTS
 
-_RESAMPLED, _SEED, _CONFIDENCE = 2000, 0, 0.95
+_RESAMPLES, _SEED, _CONFIDENCE = 2000, 0, 0.95
+_COEFFICIENTS = (("Kendall's tau", stats.kendalltau), ("Spearman's rho", stats.spearmanr))
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class RankCorrelation:
 
 @dataclass(frozen=True)
 class RepeatedPoint:
-    """A point tried again: its MRE in the screening, and that of now, the geometric mean over seeds."""
+    """A repeated point: its MRE in the screening and the geometric mean of the repeats, in percent."""
 
     number: int
     screened: float
@@ -33,10 +36,10 @@ class RepeatedPoint:
 
 @dataclass(frozen=True)
 class Finalist(RepeatedPoint):
-    """A finalist, and how much worse it is than the best, %.
+    """A finalist, and by how many percent its MRE is above that of the best.
 
-    The interval of the difference is one of Tukey's, simultaneous over all pairs of finalists: which is best
-    is found from the same trials. Where it reaches below zero the finalist may be the better one.
+    The interval of the difference is Tukey's, simultaneous over all pairs of finalists, as the best is
+    selected by the same trials. If it includes zero the difference is not significant.
     """
 
     behind: float
@@ -44,73 +47,91 @@ class Finalist(RepeatedPoint):
     high: float
 
 
-def pair_with_screening(screened: Sequence[TrialRecord], rows: Sequence[TrialRecord]) -> list[RepeatedPoint]:
-    """The points of `rows`, in the order of their numbers."""
-    before = {row.number: row.mre for row in screened}
+def pair_with_screening(
+    screened: Sequence[TrialRecord], records: Sequence[TrialRecord]
+) -> list[RepeatedPoint]:
+    """Return the points of `records` that were screened, in the order of their numbers."""
+    before = {record.number: record.mre for record in screened}
     logs: dict[int, list[float]] = {}
-    for row in rows:
-        logs.setdefault(row.number, []).append(np.log(row.mre))
+    for record in records:
+        if record.number in before:
+            logs.setdefault(record.number, []).append(np.log(record.mre))
     return [
-        RepeatedPoint(number, before[number], float(np.exp(np.mean(own))))
-        for number, own in sorted(logs.items())
+        RepeatedPoint(number, before[number], float(np.exp(np.mean(values))))
+        for number, values in sorted(logs.items())
     ]
 
 
-def compare_finalists(screened: Sequence[TrialRecord], rows: Sequence[TrialRecord]) -> list[Finalist]:
-    """The finalists from best to worst, without those that lack a replicate, as they may still be tried.
+def compare_finalists(screened: Sequence[TrialRecord], records: Sequence[TrialRecord]) -> list[Finalist]:
+    """Return the finalists from best to worst, without those that lack a replicate.
 
-    Their errors are logarithms with an effect of the point and one of the seed; what is left over, pooled
-    over all of them, is the chance that intervals are made from.
+    The logarithms of their errors are modelled as an effect of the point plus one of the seed; the intervals
+    come from the residual, pooled over all points.
     """
-    found = {(row.number, row.replicate): row.mre for row in rows}
+    repeated = {point.number: point for point in pair_with_screening(screened, records)}
+    found = {(record.number, record.replicate): record.mre for record in records}
     seeds = sorted({replicate for _, replicate in found})
-    numbers = sorted({row.number for row in rows if all((row.number, seed) in found for seed in seeds)})
+    numbers = [number for number in repeated if all((number, seed) in found for seed in seeds)]
     if not numbers:
         return []
     table = np.log([[found[number, seed] for seed in seeds] for number in numbers])
     means = table.mean(axis=1)
-    left_over = table - means[:, None] - table.mean(axis=0) + table.mean()
-    freedom = (len(numbers) - 1) * (len(seeds) - 1)
-    reach = np.inf
-    if freedom:
-        chance = np.sqrt(np.sum(left_over**2) / freedom / len(seeds))
-        reach = chance * stats.studentized_range.ppf(_CONFIDENCE, len(numbers), freedom)
-    tried = {one.number: one for one in pair_with_screening(screened, rows)}
-    order = np.argsort(means, kind="stable")
-    behind = means - means[order[0]]
+    residuals = table - means[:, None] - table.mean(axis=0) + table.mean()
+    degrees_of_freedom = (len(numbers) - 1) * (len(seeds) - 1)
+    margin = np.inf
+    if degrees_of_freedom:
+        error = np.sqrt(np.sum(residuals**2) / degrees_of_freedom / len(seeds))
+        margin = error * stats.studentized_range.ppf(_CONFIDENCE, len(numbers), degrees_of_freedom)
+    behind = means - means.min()
 
-    def percent(log: float) -> float:
-        return float(100 * (np.exp(log) - 1))
+    def percent(log_ratio: float) -> float:
+        return float(100 * (np.exp(log_ratio) - 1))
 
     return [
         Finalist(
-            number=numbers[place],
-            screened=tried[numbers[place]].screened,
-            mre=tried[numbers[place]].mre,
-            behind=percent(behind[place]),
-            low=percent(behind[place] - reach),
-            high=percent(behind[place] + reach),
+            number=numbers[index],
+            screened=repeated[numbers[index]].screened,
+            mre=repeated[numbers[index]].mre,
+            behind=percent(behind[index]),
+            low=percent(behind[index] - margin),
+            high=percent(behind[index] + margin),
         )
-        for place in order
+        for index in np.argsort(means, kind="stable")
     ]
 
 
-def rank_correlations(found: Sequence[RepeatedPoint]) -> list[RankCorrelation]:
-    """Kendall's tau and Spearman's rho between the screening and the larger budget."""
-    pairs = np.array([(final.screened, final.mre) for final in found])
-    random = np.random.default_rng(_SEED)
-    draws = random.integers(0, len(pairs), (_RESAMPLED, len(pairs)))
-    made = []
-    for name, correlation in (("Kendall's tau", stats.kendalltau), ("Spearman's rho", stats.spearmanr)):
-        with np.errstate(invalid="ignore"):
-            values = [correlation(*pairs[draw].T).statistic for draw in draws]
-        low, high = np.nanpercentile(values, [50 * (1 - _CONFIDENCE), 50 * (1 + _CONFIDENCE)])
-        made.append(RankCorrelation(name, float(correlation(*pairs.T).statistic), float(low), float(high)))
-    return made
+def rank_correlations(points: Sequence[RepeatedPoint]) -> list[RankCorrelation]:
+    """Return Kendall's tau and Spearman's rho between the screening and the larger budget.
+
+    The intervals are percentiles of a bootstrap over points; resamples of one single point have no
+    correlation and are left out.
+    """
+    screened = np.array([point.screened for point in points])
+    repeated = np.array([point.mre for point in points])
+    correlations = []
+    for name, coefficient in _COEFFICIENTS:
+
+        def statistic(one: np.ndarray, other: np.ndarray, coefficient: Any = coefficient) -> float:
+            return float(coefficient(one, other).statistic)
+
+        with warnings.catch_warnings(), np.errstate(invalid="ignore"):
+            warnings.simplefilter("ignore", stats.ConstantInputWarning)
+            resampled = stats.bootstrap(
+                (screened, repeated),
+                statistic,
+                paired=True,
+                vectorized=False,
+                n_resamples=_RESAMPLES,
+                method="percentile",
+                rng=np.random.default_rng(_SEED),
+            ).bootstrap_distribution
+        low, high = np.nanquantile(resampled, [(1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2])
+        correlations.append(RankCorrelation(name, statistic(screened, repeated), float(low), float(high)))
+    return correlations
 
 
-def rank_of_optimum(rows: Sequence[TrialRecord]) -> tuple[int, int]:
-    """Place of the paper's optimum among `rows`, from 1, and how many there are."""
+def rank_of_optimum(records: Sequence[TrialRecord]) -> tuple[int, int]:
+    """Return the rank of the paper's optimum among `records`, from 1, and their number."""
     optimum = POINTS.index(OPTIMUM)
-    (own,) = (row.mre for row in rows if row.number == optimum)
-    return 1 + sum(row.mre < own for row in rows), len(rows)
+    (mre,) = (record.mre for record in records if record.number == optimum)
+    return 1 + sum(record.mre < mre for record in records), len(records)

@@ -20,9 +20,9 @@ _HEADER = ("number", *FACTORS, "replicate", "seed", "mre", "inference_ms", PRUNE
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """A trial that ended: its point by number, what was found, the steps it was pruned after or 0.
+    """A trial that ended: its point's number, its MRE in percent, the step it was pruned after or 0.
 
-    Trials of one `replicate` have the same seed, but for those that diverged and were moved on to another.
+    Trials of one `replicate` have the same seed, except those that diverged and got another.
     """
 
     number: int
@@ -35,41 +35,50 @@ class TrialRecord:
 
 
 def write_trials(path: Path, trials: Iterable[FrozenTrial]) -> int:
-    """Write those of a study's `trials` that ended well, in the order in which they ended; how many."""
-    ended = [t for t in trials if t.state in (TrialState.COMPLETE, TrialState.PRUNED)]
+    """Write the complete and pruned trials of a study, in the order of their ends; return how many."""
+    ended = [trial for trial in trials if trial.state in (TrialState.COMPLETE, TrialState.PRUNED)]
     in_order = sorted(ended, key=lambda trial: trial.datetime_complete or trial.number)
     write_csv(path, _HEADER, [_format_trial(trial) for trial in in_order])
     return len(in_order)
 
 
 def write_failures(path: Path, trials: Iterable[FrozenTrial]) -> int:
-    """Write the failed attempts among a study's `trials` with their reasons; how many."""
+    """Write the failed attempts of a study with their reasons; return how many."""
     failed = [trial for trial in trials if trial.state is TrialState.FAIL]
-    told = [JOB, SEED, REASON]
-    write_csv(path, told, [[trial.user_attrs.get(name) for name in told] for trial in failed])
+    columns = [JOB, SEED, REASON]
+    write_csv(path, columns, [[trial.user_attrs.get(name) for name in columns] for trial in failed])
     return len(failed)
 
 
 def read_trials(path: Path) -> list[TrialRecord]:
-    """The trials in a CSV that `write` made. Raises InputError for any other file."""
+    """Read a CSV that `write_trials` wrote. Raises InputError for any other file."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             return [_parse_record(cells) for cells in csv.DictReader(file)]
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
     except (KeyError, ValueError, TypeError) as error:
-        raise InputError(f"{path} is not a table of trials: {error!r}; write it with --storage") from error
+        raise InputError(
+            f"{path} is not a table of trials: {error!r}; write it again with --storage"
+        ) from error
 
 
 def _format_trial(trial: FrozenTrial) -> Sequence[Any]:
     point = Point(**{factor: trial.params[factor] for factor in FACTORS})
-    told = trial.user_attrs
-    # A search has one objective and keeps the other beside it.
-    inference_ms = trial.values[1] if len(trial.values) > 1 else told["inference_ms"]
-    replicate = int(told[JOB].partition("/")[2] or 0)
-    found = [replicate, told[SEED], round(trial.values[0], 6), _round(inference_ms), told.get(PRUNED_AT)]
-    rest = [_round(told.get(name)) for name in _ATTRIBUTES]
-    return [POINTS.index(point), *point.levels.values(), *found, *rest]
+    attributes = trial.user_attrs
+    # A search has one objective and stores the other as an attribute.
+    inference_ms = trial.values[1] if len(trial.values) > 1 else attributes["inference_ms"]
+    replicate = int(attributes[JOB].partition("/")[2] or 0)
+    return [
+        POINTS.index(point),
+        *point.levels.values(),
+        replicate,
+        attributes[SEED],
+        round(trial.values[0], 6),
+        _round(inference_ms),
+        attributes.get(PRUNED_AT),
+        *(_round(attributes.get(name)) for name in _ATTRIBUTES),
+    ]
 
 
 def _round(value: Any) -> Any:

@@ -1,1 +1,1 @@
-"""The queue of points: which trials remain, claims, retries and the storage behind them."""
+"""Queues of trials that workers share, stored with Optuna."""

@@ -1,11 +1,11 @@
-"""The book of a study: which jobs there are, who does which, how each ended.
+"""The queue of a grid: which jobs there are, who runs which, how each ended.
 
-A job is a row of the grid with a seed; a trial is one attempt at it. Optuna's own ways lose or double jobs:
-its GridSampler gives two workers the same point and never tries a failed one again, and what re-queues the
-trials of dead workers can itself be killed between failing a trial and queueing the next, which loses the
-job. Here nothing hangs on what anyone was about to do: `settle` reads how each job stands and queues what
-is missing, under the lock of the storage, so that it is the same whoever does it, and how often. A job has
-at most one trial that is waiting or running, and none once one is complete; so it is completed once.
+A job is a point of the grid with a seed; a trial is one attempt at it. Optuna's own means lose or repeat
+jobs: its GridSampler gives two workers the same point and never retries a failed one, and its callback that
+requeues the trials of dead workers loses the job if it is killed between failing one trial and queueing the
+next. Here nothing depends on an unfinished action: `requeue_missing` reads the state of every job and queues
+what is missing, under the storage's lock, with the same result whoever calls it, and how often. A job has at
+most one trial that is waiting or running, and none once one is complete; so each job completes exactly once.
 """
 
 import itertools
@@ -14,18 +14,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import optuna
-from optuna.distributions import CategoricalDistribution
+from optuna.distributions import BaseDistribution, CategoricalDistribution
 from optuna.exceptions import UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState
-from tqdm import tqdm
 
+from laesi_tf.common.progress import progress_bar
+from sweeps.queue import optuna_adapter
 from sweeps.queue.study_storage import StudyStorage
 from sweeps.queue.trial_queue import COUNTS, JOB, REASON, SEED, ClaimedTrial, Job, TrialQueue
 
 
 @dataclass
 class JobHistory:
-    """How a job stands."""
+    """The trials of a job by state."""
 
     job: Job
     complete: FrozenTrial | None = None
@@ -34,125 +35,149 @@ class JobHistory:
     failed: list[FrozenTrial] = field(default_factory=list)
 
     @property
-    def held_against(self) -> int:
-        """Failures that count; that a user stopped the work does not."""
+    def counted_failures(self) -> int:
+        """Failures that count against the job; a user who stops the worker does not."""
         return sum(trial.user_attrs.get(COUNTS, True) for trial in self.failed)
+
+    @property
+    def needs_trial(self) -> bool:
+        """Whether no trial is complete, running or waiting: the job is due for a retry, or was given up."""
+        return not (self.complete or self.running or self.waiting)
 
 
 class GridQueue(TrialQueue):
-    """The book of the study `name` of jobs with `factors`; `group` names what a job shares with others."""
+    """The queue of the study `name` whose jobs have `factors`; jobs of one `group` share compiled code."""
 
     def __init__(
         self,
-        store: StudyStorage,
+        storage: StudyStorage,
         name: str,
         factors: Mapping[str, Sequence[str]],
         *,
         group: Callable[[Job], Any] = lambda job: None,
     ) -> None:
-        super().__init__(store, name)
+        super().__init__(storage, name)
         self._group = group
-        self._distributions = {name: CategoricalDistribution(levels) for name, levels in factors.items()}
+        self._distributions: dict[str, BaseDistribution] = {
+            factor: CategoricalDistribution(levels) for factor, levels in factors.items()
+        }
         self._waiting: list[ClaimedTrial] = []
 
-    def fill(self, jobs: Iterable[Job]) -> int:
-        """Write down the `jobs` that the study has not got yet; how many."""
-        with self.store.lock():
-            known = self.standings()
+    def enqueue(self, jobs: Iterable[Job]) -> int:
+        """Add the `jobs` that the study does not have yet; return how many."""
+        with self.storage.lock():
+            known = self.job_histories()
             missing = [job for job in jobs if job.name not in known]
-            for job in tqdm(missing, delay=2, desc="queueing", unit="job", dynamic_ncols=True):
-                self._queue(job)
+            for job in progress_bar(missing, desc="queueing", unit="job"):
+                self._queue_job(job)
         return len(missing)
 
-    def settle(self) -> None:
-        """Fail the trials of lost workers; queue each job that is not through and has nothing under way."""
-        with self.store.lock():
-            self._settle()
+    def requeue_missing(self) -> None:
+        """Fail the trials of lost workers; queue each job that is not complete, running or waiting."""
+        with self.storage.lock():
+            self._requeue_missing()
 
     def claim(self) -> ClaimedTrial | None:
-        """The next trial, now this worker's; None if none is waiting.
+        """Claim the next trial for this worker; None if none is waiting.
 
-        Trials of the last one's group come first. Then comes a group that no one else is at, if there is one.
+        Trials of the previous one's group come first, then those of a group that no other worker is at.
         """
-        with self.store.lock():
-            for waiting in (self._waiting, self._next_group):
-                self._waiting = waiting() if callable(waiting) else waiting
-                while self._waiting:
-                    claim = self._waiting.pop(0)
-                    if self._take(claim.trial_id):
-                        return claim
-        return None
+        with self.storage.lock():
+            claim = self._take_first(self._waiting)
+            if claim is None:
+                self._waiting = self._next_group()
+                claim = self._take_first(self._waiting)
+        return claim
 
     def fail(self, claim: ClaimedTrial, reason: str, *, counts: bool = True) -> None:
-        """Fail the trial and queue its job again, unless it has failed as often as the rules allow."""
-        with self.store.lock():
+        """Fail the trial and queue its job again, unless the policy's retries are used up."""
+        with self.storage.lock():
             super().fail(claim, reason, counts=counts)
-            self._settle()
+            self._requeue_missing()
 
-    def finished(self) -> bool:
-        """Whether no trial is waiting or under way."""
-        counts = self.counts()
+    def is_finished(self) -> bool:
+        """Return whether no trial is waiting or running."""
+        counts = self.count_by_state()
         return not counts[TrialState.WAITING] + counts[TrialState.RUNNING]
 
-    def standings(self) -> dict[str, JobHistory]:
-        """How each job stands, by its name."""
-        found: dict[str, JobHistory] = {}
-        for trial in self.trials():
+    def expected_total(self) -> int:
+        """Return how many jobs the study has."""
+        return len(self.job_histories())
+
+    def given_up(self) -> dict[str, list[str]]:
+        """Return the reasons of each job that failed too often to be retried, by the job's name."""
+        return {
+            name: [trial.user_attrs.get(REASON, "") for trial in history.failed]
+            for name, history in self.job_histories().items()
+            if history.needs_trial
+        }
+
+    def job_histories(self) -> dict[str, JobHistory]:
+        """Return the trials of each job, by the job's name."""
+        histories: dict[str, JobHistory] = {}
+        for trial in self.get_trials():
             name = trial.user_attrs[JOB]
             job = Job(name, trial.params, trial.user_attrs[SEED])
-            standing = found.setdefault(name, JobHistory(job))
+            history = histories.setdefault(name, JobHistory(job))
             if trial.state is TrialState.COMPLETE:
-                standing.complete = trial
+                history.complete = trial
             else:
-                of_state = {TrialState.RUNNING: standing.running, TrialState.WAITING: standing.waiting}
-                of_state.get(trial.state, standing.failed).append(trial)
-        return found
+                by_state = {TrialState.RUNNING: history.running, TrialState.WAITING: history.waiting}
+                by_state.get(trial.state, history.failed).append(trial)
+        return histories
 
-    def _settle(self) -> None:
-        self._fail_lost()
-        for standing in self.standings().values():
-            under_way = standing.complete or standing.running
-            # Optuna repeats a creation whose connection broke, though it may have been done.
-            for trial in standing.waiting[0 if under_way else 1 :]:
-                self._fail(trial._trial_id, "queued twice", counts=False)
-            over = under_way or standing.waiting
-            if not over and standing.held_against <= self.store.rules.retries:
-                self._queue(standing.job)
+    def _requeue_missing(self) -> None:
+        self._fail_stale_trials()
+        for history in self.job_histories().values():
+            is_under_way = history.complete or history.running
+            # Optuna repeats the creation of a trial whose connection broke, even if it had succeeded.
+            for trial in history.waiting[0 if is_under_way else 1 :]:
+                self._fail_trial(optuna_adapter.trial_id(trial), "queued twice", counts=False)
+            if history.needs_trial and history.counted_failures <= self.storage.policy.retries:
+                self._queue_job(history.job)
 
-    def _queue(self, job: Job) -> None:
+    def _queue_job(self, job: Job) -> None:
         trial = optuna.create_trial(
             state=TrialState.WAITING,
             params=dict(job.levels),
             distributions=dict(self._distributions),
             user_attrs={JOB: job.name, SEED: job.seed},
         )
-        self.store.storage.create_new_trial(self.study_id, trial)
+        self.storage.rdb.create_new_trial(self.study_id, trial)
+
+    def _take_first(self, waiting: list[ClaimedTrial]) -> ClaimedTrial | None:
+        """Claim the first of `waiting` that no other worker has; remove it and those before it."""
+        while waiting:
+            claim = waiting.pop(0)
+            if self._take(claim.trial_id):
+                return claim
+        return None
 
     def _take(self, trial_id: int) -> bool:
-        """Claim a waiting trial; false if someone else has.
+        """Set a waiting trial to running; false if another worker has.
 
-        Its first heartbeat comes before: a worker that is killed right after the claim must not leave a
-        running trial without one, which Optuna would take for alive for ever.
+        The first heartbeat comes before: a worker that is killed right after the claim must not leave a
+        running trial without one, which Optuna would count as alive for ever.
         """
         try:
-            self.store.storage.record_heartbeat(trial_id)
-            return self.store.storage.set_trial_state_values(trial_id, TrialState.RUNNING)
+            optuna_adapter.send_heartbeat(self.storage.rdb, trial_id)
+            return self.storage.rdb.set_trial_state_values(trial_id, TrialState.RUNNING)
         except UpdateFinishedTrialError:
             return False
 
     def _next_group(self) -> list[ClaimedTrial]:
-        """What there is to claim in one group, in the order of its jobs."""
-        self._settle()
+        """Return the waiting trials of one group, in the order of their jobs."""
+        self._requeue_missing()
         groups: dict[Any, list[ClaimedTrial]] = {}
         busy = set()
-        for standing in self.standings().values():
-            group = self._group(standing.job)
-            if standing.running:
+        for history in self.job_histories().values():
+            group = self._group(history.job)
+            if history.running:
                 busy.add(group)
-            elif standing.waiting and not standing.complete:
-                trial = standing.waiting[0]
-                reasons = tuple(failed.user_attrs.get(REASON, "") for failed in standing.failed)
-                claim = ClaimedTrial(trial._trial_id, trial.number, standing.job, reasons)
+            elif history.waiting and not history.complete:
+                trial = history.waiting[0]
+                reasons = tuple(failed.user_attrs.get(REASON, "") for failed in history.failed)
+                claim = ClaimedTrial(optuna_adapter.trial_id(trial), trial.number, history.job, reasons)
                 groups.setdefault(group, []).append(claim)
         free = [claims for group, claims in groups.items() if group not in busy]
         chosen = next(itertools.chain(free, sorted(groups.values(), key=len, reverse=True)), [])

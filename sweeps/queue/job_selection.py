@@ -12,13 +12,13 @@ from sweeps.trials.search_space import OPTIMUM, POINTS
 SCREENING_SEED = 0
 
 
-def select_points(chosen: Sequence[int]) -> list[Job]:
-    """The points of these numbers, all with one seed: what they differ in is then the point alone."""
-    return [Job(f"{number:04d}", POINTS[number].levels, SCREENING_SEED) for number in chosen]
+def select_points(numbers: Sequence[int]) -> list[Job]:
+    """Return the jobs of these points, all with one seed, so that they differ in the point alone."""
+    return [Job(f"{number:04d}", POINTS[number].levels, SCREENING_SEED) for number in numbers]
 
 
 def select_finalists(screened: Mapping[str, JobHistory], *, count: int, seeds: int) -> list[Job]:
-    """The `count` best of a screening and the paper's optimum, each with `seeds` seeds not used before.
+    """Return the `count` best points of a screening and the paper's optimum, each with `seeds` new seeds.
 
     Raises InputError if the screening is not complete.
     """
@@ -27,36 +27,40 @@ def select_finalists(screened: Mapping[str, JobHistory], *, count: int, seeds: i
 
 
 def select_across_ranking(screened: Mapping[str, JobHistory], *, count: int, seeds: int) -> list[Job]:
-    """`count` points from the best to the worst of a screening, evenly over its ranking; else as finalists.
+    """Return `count` points evenly spaced over the ranking of a screening, each with `seeds` new seeds.
 
-    Whether a screening ranks as a larger budget does cannot be seen from its best alone, which are alike.
+    The best points alone, which are alike, do not show whether a screening ranks as a larger budget does.
+    Raises InputError if the screening is not complete.
     """
     ranking = _rank_points(screened)
-    places = np.linspace(0, len(ranking) - 1, min(count, len(ranking))).round().astype(int)
-    return _repeat_with_seeds((ranking[place] for place in places), seeds)
+    ranks = np.linspace(0, len(ranking) - 1, min(count, len(ranking))).round().astype(int)
+    return _repeat_with_seeds((ranking[rank] for rank in ranks), seeds)
 
 
 def parse_point_numbers(text: str) -> list[int]:
-    """Parse `0-19,380` as numbers of points. Raises InputError for what is none."""
-    found: set[int] = set()
+    """Parse numbers of points such as `0-19,380`, sorted and unique. Raises InputError for anything else."""
+    numbers: set[int] = set()
     for part in text.split(","):
         first, _, last = part.partition("-")
-        if not first.isdigit() or not (last or first).isdigit():
-            raise InputError(f"--points {text!r} is not numbers like 0-19,380")
-        found |= set(range(int(first), int(last or first) + 1))
-    if not found or max(found) >= len(POINTS):
+        last = last or first
+        if not first.isdigit() or not last.isdigit():
+            raise InputError(f"--points {text!r} is not a list of numbers such as 0-19,380")
+        if int(last) < int(first):
+            raise InputError(f"--points {text!r}: {part} is reversed; write {last}-{first}")
+        numbers |= set(range(int(first), int(last) + 1))
+    if max(numbers) >= len(POINTS):
         raise InputError(f"--points {text!r} is not within 0-{len(POINTS) - 1}")
-    return sorted(found)
+    return sorted(numbers)
 
 
 def _rank_points(screened: Mapping[str, JobHistory]) -> list[str]:
-    """The names of the points, the best first."""
-    open_ones = [name for name, standing in screened.items() if not standing.complete]
-    if not screened or open_ones:
+    """Return the names of the points, from the lowest to the highest MRE."""
+    mre = {name: history.complete.values[0] for name, history in screened.items() if history.complete}
+    if len(mre) < len(screened) or not screened:
         raise InputError(
-            f"the screening is not complete: {len(open_ones)} of {len(screened)} points are open"
+            f"the screening is not complete: {len(screened) - len(mre)} of {len(screened)} points are open; "
+            "finish it with sweeps.run first"
         )
-    mre = {name: standing.complete.values[0] for name, standing in screened.items() if standing.complete}
     return sorted(mre, key=lambda name: (mre[name], name))
 
 

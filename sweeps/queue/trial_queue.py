@@ -7,23 +7,23 @@ from dataclasses import dataclass
 from typing import Any
 
 import optuna
-import sqlalchemy
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState
 
 from laesi_tf.common.errors import InputError
+from sweeps.queue import optuna_adapter
 from sweeps.queue.study_storage import StudyStorage
 
 OBJECTIVES = ("MRE, %", "inference, ms")
 JOB, SEED, REASON, COUNTS = "job", "seed", "reason", "counts"
 """User attributes: a trial's job and seed; why it failed, and whether that counts against its job."""
+LOST = "worker lost: no heartbeat for {} s"
 _USED_STATES = (TrialState.RUNNING, TrialState.COMPLETE, TrialState.PRUNED)
-LOST = "worker lost: no sign of life for {} s"
 
 
 @dataclass(frozen=True)
 class Job:
-    """A level of every factor, and the seed to try it with."""
+    """A level of every factor, and the seed to train with."""
 
     name: str
     levels: Mapping[str, str]
@@ -32,7 +32,7 @@ class Job:
 
 @dataclass(frozen=True)
 class ClaimedTrial:
-    """A trial that is this worker's alone, and why earlier attempts at its job failed."""
+    """A trial that one worker has claimed, and why earlier attempts at its job failed."""
 
     trial_id: int
     number: int
@@ -41,110 +41,130 @@ class ClaimedTrial:
 
     @property
     def attempt(self) -> int:
-        """Which attempt this is, from 1."""
+        """The number of this attempt, from 1."""
         return len(self.reasons) + 1
 
 
 class TrialQueue:
-    """The study `name` in a store, made if it is not there: workers ask it what to do and tell how it went.
+    """The study `name` in a storage, created if it is missing; workers claim trials and record results.
 
-    What is called by several workers at once does what it must under the lock of the store.
+    Methods that several workers call at once do what must not be interleaved under the storage's lock.
     """
 
-    def __init__(self, store: StudyStorage, name: str, *, objectives: Sequence[str] = OBJECTIVES) -> None:
-        self.store, self.name = store, name
-        with store.lock(), warnings.catch_warnings():
+    can_prune = False
+    """Whether `should_prune` may ever return true, so that intermediate errors are worth measuring."""
+
+    def __init__(self, storage: StudyStorage, name: str, *, objectives: Sequence[str] = OBJECTIVES) -> None:
+        self.storage, self.name = storage, name
+        with storage.lock(), warnings.catch_warnings():
             warnings.simplefilter("ignore", ExperimentalWarning)
             self.study = optuna.create_study(
-                storage=store.storage,
+                storage=storage.rdb,
                 study_name=name,
                 directions=["minimize"] * len(objectives),
                 load_if_exists=True,
             )
             self.study.set_metric_names(list(objectives))
-        self.study_id = store.storage.get_study_id_from_name(name)
+        self.study_id = optuna_adapter.study_id(storage.rdb, name)
 
     def claim(self) -> ClaimedTrial | None:
-        """The next trial, now this worker's; None if there is none at the moment."""
+        """Claim the next trial for this worker; None if there is none at the moment."""
         raise NotImplementedError
 
-    def finished(self) -> bool:
-        """Whether no trial is left to do or under way."""
+    def is_finished(self) -> bool:
+        """Return whether no trial is waiting or running."""
         raise NotImplementedError
 
-    def agree(self, key: str, value: Mapping[str, Any]) -> None:
-        """Keep `value` with the study, or raise InputError if another is kept there and trials went by it."""
-        with self.store.lock():
-            attributes = self.store.storage.get_study_user_attrs(self.study_id)
-            kept, counts = attributes.get(key, value), self.counts()
-            if kept != value and not sum(counts[state] for state in _USED_STATES):
-                # Nor does what was measured for the other value hold any more.
+    def expected_total(self) -> int:
+        """Return how many trials complete or are pruned if none is given up."""
+        raise NotImplementedError
+
+    def given_up(self) -> dict[str, list[str]]:
+        """Return the reasons of each job that failed too often to be retried, by the job's name."""
+        return {}
+
+    def should_prune(self, claim: ClaimedTrial, step: int, mre: float) -> bool:
+        """Record a trial's error after `step` steps; return whether it is too high to continue."""
+        return False
+
+    def check_study_setting(self, key: str, value: Mapping[str, Any]) -> None:
+        """Store `value` with the study; raise InputError if trials have already used another value."""
+        with self.storage.lock():
+            attributes = self.storage.rdb.get_study_user_attrs(self.study_id)
+            stored, counts = attributes.get(key, value), self.count_by_state()
+            if stored != value and not sum(counts[state] for state in _USED_STATES):
+                # What was measured for the other value does not hold any more either.
                 for name in attributes:
-                    self.store.storage.set_study_user_attr(self.study_id, name, None)
-                kept = value
-            self.store.storage.set_study_user_attr(self.study_id, key, dict(kept))
-        differing = [name for name in value if kept.get(name) != value[name]]
-        if differing:
-            told = ", ".join(f"{name} {kept.get(name)!r} there, {value[name]!r} here" for name in differing)
-            raise InputError(f"study {self.name} was begun with another {key}: {told}; name another --study")
+                    self.storage.rdb.set_study_user_attr(self.study_id, name, None)
+                stored = value
+            self.storage.rdb.set_study_user_attr(self.study_id, key, dict(stored))
+        differences = [
+            f"{name} is {stored.get(name)!r} there and {value[name]!r} here"
+            for name in value
+            if stored.get(name) != value[name]
+        ]
+        if differences:
+            raise InputError(
+                f"study {self.name} was started with another {key}: {', '.join(differences)}; "
+                "choose another --study"
+            )
 
-    def once(self, key: str, measure: Callable[[], float]) -> float:
-        """What `measure` gave the first time that anyone asked for `key` in this study."""
-        with self.store.lock():
-            known = self.store.storage.get_study_user_attrs(self.study_id)
-            if known.get(key) is None:
-                known[key] = measure()
-                self.store.storage.set_study_user_attr(self.study_id, key, known[key])
-        return known[key]
+    def measure_once(self, key: str, measure: Callable[[], float]) -> float:
+        """Return the study's attribute `key`, measured by the first caller."""
+        with self.storage.lock():
+            attributes = self.storage.rdb.get_study_user_attrs(self.study_id)
+            value = attributes.get(key)
+            if value is None:
+                value = measure()
+                self.storage.rdb.set_study_user_attr(self.study_id, key, value)
+        return float(value)
 
     def finish(self, claim: ClaimedTrial, values: Sequence[float], attributes: Mapping[str, Any]) -> bool:
-        """Complete the trial; false if it was given up for lost meanwhile: then another will complete it."""
-        # Under the lock, as SQLite may let a trial that another has just given up be completed after all.
-        with self.store.lock():
-            return self._end(claim.trial_id, TrialState.COMPLETE, attributes, values)
+        """Complete the trial; false if it was counted as lost: another worker then completes its job."""
+        # Under the lock: SQLite may otherwise complete a trial that another worker has just failed.
+        with self.storage.lock():
+            return self._end_trial(claim.trial_id, TrialState.COMPLETE, attributes, values)
 
     def fail(self, claim: ClaimedTrial, reason: str, *, counts: bool = True) -> None:
-        """Fail the trial, saying why; `counts` is whether that is held against its job."""
-        self._fail(claim.trial_id, reason, counts=counts)
+        """Fail the trial for `reason`; `counts` is whether the failure counts against its job."""
+        self._fail_trial(claim.trial_id, reason, counts=counts)
 
-    def counts(self) -> dict[TrialState, int]:
-        """How many trials there are in each state; cheap, unlike reading the trials."""
-        query = "SELECT state, COUNT(*) FROM trials WHERE study_id = :study GROUP BY state"
-        with self.store.storage.engine.connect() as connection:
-            rows = connection.execute(sqlalchemy.text(query), {"study": self.study_id})
-            found = {TrialState[state]: int(count) for state, count in rows}
-        return {state: found.get(state, 0) for state in TrialState}
+    def count_by_state(self) -> dict[TrialState, int]:
+        """Count the trials in each state; cheap, unlike reading the trials."""
+        return optuna_adapter.count_trials(self.storage.rdb, self.study_id)
 
-    def trials(self) -> list[FrozenTrial]:
-        """All trials, by number."""
-        return self.store.storage.get_all_trials(self.study_id, deepcopy=False)
+    def get_trials(self) -> list[FrozenTrial]:
+        """Return all trials, by number."""
+        return self.storage.rdb.get_all_trials(self.study_id, deepcopy=False)
 
-    def _fail_lost(self) -> None:
-        """Fail the trials whose workers have not been heard of; while the database was away no one was."""
-        if time.monotonic() - self.store.away_at < self.store.rules.grace_s:
+    def _fail_stale_trials(self) -> None:
+        """Fail the trials whose workers sent no heartbeat, unless the database was offline."""
+        policy = self.storage.policy
+        if time.monotonic() - self.storage.last_offline_at < policy.grace_s:
             return
-        for trial_id in self.store.storage._get_stale_trial_ids(self.study_id):
-            self._fail(trial_id, LOST.format(self.store.rules.grace_s), counts=True)
+        for trial_id in optuna_adapter.stale_trial_ids(self.storage.rdb, self.study_id):
+            self._fail_trial(trial_id, LOST.format(policy.grace_s), counts=True)
 
-    def _fail(self, trial_id: int, reason: str, *, counts: bool) -> None:
-        self._end(trial_id, TrialState.FAIL, {REASON: reason} | ({} if counts else {COUNTS: False}))
+    def _fail_trial(self, trial_id: int, reason: str, *, counts: bool) -> None:
+        self._end_trial(trial_id, TrialState.FAIL, {REASON: reason} | ({} if counts else {COUNTS: False}))
 
-    def _end(
+    def _end_trial(
         self,
         trial_id: int,
         state: TrialState,
         attributes: Mapping[str, Any],
         values: Sequence[float] | None = None,
     ) -> bool:
-        """End a trial; if it has ended already it stays as it is, and the answer is whether in this state.
+        """End a trial; return whether it is now in `state`. A trial that has already ended stays as it is.
 
-        It is in this state if it was ended before a connection broke: no one else completes a claimed trial.
+        It has already ended in `state` if the connection broke after it was ended: no other worker completes
+        a claimed trial.
         """
-        storage = self.store.storage
+        rdb = self.storage.rdb
         try:
             for key, value in attributes.items():
-                storage.set_trial_user_attr(trial_id, key, value)
-            storage.set_trial_state_values(trial_id, state, values)
+                rdb.set_trial_user_attr(trial_id, key, value)
+            rdb.set_trial_state_values(trial_id, state, values)
         except UpdateFinishedTrialError:
-            return storage.get_trial(trial_id).state is state
+            return rdb.get_trial(trial_id).state is state
         return True

@@ -1,5 +1,6 @@
-"""Resources of a trial: image size, numbers of images and steps, initial weights."""
+"""Resources of a trial: image size, numbers of images and steps, initial weights; and their options."""
 
+import argparse
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,56 +8,58 @@ from typing import Any
 
 from laesi_tf.common.atomic_files import short_sha256
 from laesi_tf.common.errors import InputError
-from laesi_tf.models.backbone import FROM_SCRATCH
+from laesi_tf.common.schema import add_option_arguments, check_fields, format_default, option
 from laesi_tf.training.config import TrainConfig
 from sweeps.trials.search_space import FINAL_LEARNING_RATE, LEARNING_RATE, Point
 
 EVALUATION_BATCH = 64
-"""Validation pictures that a network sees at once; each other size would be traced anew."""
+"""Validation images that a network gets at once; every other batch size would be traced anew."""
+_IMAGENET, _FROM_SCRATCH = "imagenet", "none"
 
 
-def _field(default: Any, text: str) -> Any:
-    return dataclasses.field(default=default, metadata={"help": text})
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Budget:
-    """The same for all trials of a study, so that they compare. Raises InputError for what does not fit.
+    """The resources of every trial of a study, so that trials compare. Raises InputError for invalid values.
 
-    `large` is the network behind Large: without ImageNet weights of the full one the minimalistic one stands
-    in, and then from scratch as well, so that the starting points differ in their weights alone.
+    `large` is the network behind Large: without ImageNet weights of the full network the minimalistic one can
+    replace it, then from scratch as well, so that the starting points differ in their weights alone.
     """
 
-    size: int = _field(64, "side of pictures in pixels")
-    batch_size: int = _field(32, "pictures per step")
-    steps: int = _field(80, "steps of a trial")
-    pictures: int = _field(4096, "pictures to train on")
-    validation: int = _field(256, f"pictures to judge by, a multiple of {EVALUATION_BATCH}")
-    calibration: int = _field(256, "pictures that batch normalisation is recalibrated on")
-    alpha: float = _field(1.0, "width: factor on the number of channels")
-    large: str = _field("large", "network behind Large, large or large_minimalistic")
-    weights_large: str = _field("imagenet", "weights of Large: imagenet, none or the path of a file")
-    weights_small: str = _field("imagenet", "weights of Small: imagenet, none or the path of a file")
+    size: int = option(64, "side of images in pixels", low=32, high=4096, metavar="N")
+    batch_size: int = option(32, "images per step", low=1, metavar="N")
+    steps: int = option(80, "steps of a trial", low=1, metavar="N")
+    pictures: int = option(4096, "images to train on", low=1, metavar="N")
+    validation: int = option(
+        256, f"images to validate on, a multiple of {EVALUATION_BATCH}", low=1, metavar="N"
+    )
+    calibration: int = option(256, "images that batch normalisation is recalibrated on", low=1, metavar="N")
+    alpha: float = option(1.0, "width: factor on the number of channels", low=0.1, high=4.0, metavar="FACTOR")
+    large: str = option("large", "network behind Large", choices=("large", "large_minimalistic"))
+    weights_large: str = option(
+        _IMAGENET, "weights of Large: imagenet, none or the path of a file", metavar="NAME|FILE"
+    )
+    weights_small: str = option(
+        _IMAGENET, "weights of Small: imagenet, none or the path of a file", metavar="NAME|FILE"
+    )
 
     def __post_init__(self) -> None:
-        if self.large not in ("large", "large_minimalistic"):
-            raise InputError(f"--large {self.large!r} is neither large nor large_minimalistic")
+        check_fields(self)
         if self.validation % EVALUATION_BATCH:
+            raise InputError(f"validation = {self.validation} must be a multiple of {EVALUATION_BATCH}")
+        trained_on = self.steps * self.batch_size
+        if self.calibration > trained_on:
             raise InputError(
-                f"{self.validation} validation pictures are not a multiple of {EVALUATION_BATCH}"
+                f"calibration = {self.calibration} must be at most the {trained_on} images of all steps"
             )
-        if self.calibration > self.steps * self.batch_size:
-            fed = self.steps * self.batch_size
-            raise InputError(f"{self.calibration} calibration pictures are more than the {fed} trained on")
 
     def config(self, point: Point, seed: int) -> TrainConfig:
-        """How `laesi_tf.train` would be told to train `point`; there on live scenes instead of kept ones."""
+        """Return the configuration with which `laesi_tf.train` trains `point`, there on fresh scenes."""
         weights = {"large_imagenet": self.weights_large, "small_imagenet": self.weights_small}
         return TrainConfig(
             backbone="small" if point.start == "small_imagenet" else self.large,
             alpha=self.alpha,
             size=(self.size, self.size),
-            weights=weights.get(point.start, FROM_SCRATCH),
+            weights=weights.get(point.start, _FROM_SCRATCH),
             batch_size=self.batch_size,
             steps=self.steps,
             optimizer=point.optimizer,
@@ -69,8 +72,11 @@ class Budget:
             validation_pictures=self.validation,
         )
 
-    def told(self) -> dict[str, Any]:
-        """The budget as a study keeps it: files of weights by name and content, not by where they lie."""
+    def to_attributes(self) -> dict[str, Any]:
+        """Return the study attribute of this budget; weights files by name and content, without their folder.
+
+        Raises InputError for a weights file that is missing.
+        """
         weights = {
             name: _describe_weights(getattr(self, name)) for name in ("weights_large", "weights_small")
         }
@@ -78,16 +84,30 @@ class Budget:
 
 
 SCREENING = Budget()
+"""For all points. A trial takes about eight seconds of one core, so that all 1,425 take two cores about an
+hour and a half. In 40 steps hardly any point gets below the error of a constant guess; in 80 some do."""
 FINAL = Budget(size=96, steps=240, pictures=8192, validation=512, calibration=512)
-"""What all points are tried with, and some of them again.
+"""For the points that are repeated."""
 
-A screening trial takes some eight seconds of one core, so that all 1,425 take two cores about an hour and a
-half. In 40 steps hardly a point gets below the error of a single guess for all pictures; in 80 some do.
-"""
+
+def add_budget_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add an option for each field of Budget; an option that is not given leaves no attribute."""
+    add_option_arguments(parser, Budget, describe_default=_describe_default)
+
+
+def budget_from_args(options: argparse.Namespace, preset: Budget) -> Budget:
+    """Return `preset` with the values of the options that were given. Raises InputError."""
+    names = [field.name for field in dataclasses.fields(Budget)]
+    return dataclasses.replace(preset, **{name: vars(options)[name] for name in names if name in options})
+
+
+def _describe_default(field: dataclasses.Field[Any]) -> str:
+    screening, final = (format_default(getattr(preset, field.name)) for preset in (SCREENING, FINAL))
+    return screening if screening == final else f"{screening}; for repeated points {final}"
 
 
 def _describe_weights(weights: str) -> str:
-    if weights in ("imagenet", FROM_SCRATCH):
+    if weights in (_IMAGENET, _FROM_SCRATCH):
         return weights
     path = Path(weights)
     if not path.is_file():

@@ -1,37 +1,38 @@
 """The 1,425 points of the search: 3 starting points x 5 optimizers x 5 schedules x 19 augmentation sets.
 
-The paper says that 1,425 experiments were made and names the values of the best (section 4.2); the
-supplement with their matrix is lost. This is a matrix of that size around that optimum. The reasons:
+The paper says that 1,425 experiments were made and names the levels of the best (section 4.2); the supplement
+with the full matrix is empty. This is a matrix of that size around that optimum. The reasons:
 
 * Starting points: the paper varies MobileNetV3 Large and Small and starts its best model from ImageNet.
   Large is also trained from scratch, which shows what the pretraining is worth; Small from scratch would
-  ask the same question again.
-* Optimizers: the paper's RMSprop, which MobileNets were trained with; Adam and AdamW, today's defaults with
-  and without decoupled weight decay; SGD with Nesterov momentum, the classic of image recognition; Nadam,
-  Adam with that momentum. All have the paper's rate of 1e-3: the matrix varies the kind, not the rate, so
-  where one of them is behind it is behind at this rate, which is low for SGD.
+  answer the same question again.
+* Optimizers: the paper's RMSprop, which MobileNets were trained with; Adam and AdamW, the usual choice today
+  with and without decoupled weight decay; SGD with Nesterov momentum, the classic of image recognition;
+  Nadam, Adam with that momentum. All have the paper's learning rate of 1e-3: the matrix varies the
+  optimizer, not its rate. An optimizer that is worse is worse at this rate, which is low for SGD.
 * Schedules: piecewise constant from 1e-3 to 1e-9 as in the paper, and four others with the same ends.
   Exponential falls through the same range without plateaus; cosine with a warm-up and linear are the usual
-  ones today and stay high for longer; constant is the control without any decay.
-* Augmentations: none and all nine are the ends, the paper's seven its choice. Each of the nine alone says
-  what it does by itself, the seven less one what each adds to the rest.
+  ones today and stay high for longer; constant is the control without decay.
+* Augmentations: none and all nine are the ends, the paper's seven its choice. Each of the nine alone shows
+  its own effect, the seven without one what each adds to the rest.
 """
 
 import dataclasses
 import itertools
 from dataclasses import dataclass
 
-from laesi_tf.data.augmentation import AUGMENTATIONS, PAPER_AUGMENTATIONS
+from laesi_tf.training.config import AUGMENTATION_NAMES
 
 STARTS = ("large_imagenet", "small_imagenet", "large_scratch")
 LEARNING_RATE, FINAL_LEARNING_RATE = 1e-3, 1e-9
-"""The paper's ends of the learning rate."""
+"""The paper's first and last learning rate."""
 
 
 def _make_augmentation_sets() -> dict[str, tuple[str, ...]]:
-    nine, seven = tuple(AUGMENTATIONS), PAPER_AUGMENTATIONS
+    nine = AUGMENTATION_NAMES
+    seven = tuple(name for name in nine if name not in ("rotation", "gaussian"))
     alone = {name: (name,) for name in nine}
-    without = {f"paper_less_{left}": tuple(name for name in seven if name != left) for left in seven}
+    without = {f"paper_less_{left_out}": tuple(n for n in seven if n != left_out) for left_out in seven}
     return {"none": (), "all": nine, "paper": seven, **alone, **without}
 
 
@@ -63,11 +64,11 @@ class Point:
 
     @property
     def augmentations(self) -> tuple[str, ...]:
-        """What pictures are augmented with."""
+        """The names of the augmentations in its set."""
         return AUGMENTATION_SETS[self.augmentation]
 
 
 POINTS: tuple[Point, ...] = tuple(Point(*levels) for levels in itertools.product(*FACTORS.values()))
 """All 1,425, in the order of their numbers."""
 OPTIMUM = Point("large_imagenet", "rmsprop", "piecewise", "paper")
-"""What the paper found to be best."""
+"""The paper's best point."""

@@ -1,13 +1,12 @@
-"""Trials on compiled steps that are kept: one per network and optimizer, reset for each trial.
+"""Run trials on compiled training steps that are kept: one per network and optimizer, reset for each trial.
 
-Building and tracing a network takes many times as long as a short trial. What differs between the trials on
-one step is set as values at run time: the weights it starts from, the rates of the schedule, the
-augmentations.
+Building and tracing a network takes many times as long as a short trial. What differs between the trials of
+one compiled step is set as values at run time: initial weights, learning rates, augmentations.
 """
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,149 +14,169 @@ import keras
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.common.errors import InputError
 from laesi_tf.models import batch_norm
 from laesi_tf.training.initialisation import initialise_network
 from laesi_tf.training.optimizers import OPTIMIZERS, optimizer_variables
 from laesi_tf.training.schedules import TableSchedule
 from laesi_tf.training.tasks import make_task
-from laesi_tf.training.trainer import Trainer, TrainingDiverged
+from laesi_tf.training.trainer import Trainer, TrainingDiverged, train_steps
 from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import FINAL_LEARNING_RATE, LEARNING_RATE, Point
-from sweeps.trials.training_data import TrainingData
+from sweeps.trials.training_data import Batch, TrainingData
 
 NetworkKey = tuple[str, str]
-"""What a compiled step is for: the network's kind and the optimizer."""
-_TIMED_INFERENCES = 30
+"""The backbone and the optimizer of a compiled step."""
+_INFERENCE_REPEATS = 30
 
 
 @dataclass(frozen=True)
 class TrialOutcome:
-    """What a trial gave: `found` are arrays [N] over the validation set, times are in seconds."""
+    """The result of a trial: MRE in percent, arrays [N] over the validation set, times in seconds."""
 
     mre: float
     losses: list[float]
-    found: dict[str, np.ndarray]
+    results: dict[str, np.ndarray]
     parameters: int
     steps_s: float
     steps_cpu_s: float
-    judging_s: float
+    evaluation_s: float
     images_per_s: float
 
 
 class TrialRunner:
-    """Runs trials within one budget on `pictures`. Initial weights and compiled steps are kept once made."""
+    """Runs trials within one budget on `data`; initial weights and compiled steps are kept once made."""
 
-    def __init__(self, budget: Budget, pictures: TrainingData) -> None:
-        self.budget, self.pictures = budget, pictures
-        self.origins: dict[str, str] = {}
-        self._kept: dict[NetworkKey, _CompiledNetwork] = {}
-        self._starts: dict[tuple[str, int], list[tf.Tensor]] = {}
+    def __init__(self, budget: Budget, data: TrainingData) -> None:
+        self.budget, self.data = budget, data
+        self.weight_origins: dict[str, str] = {}
+        self._networks: dict[NetworkKey, _CompiledNetwork] = {}
+        self._initial_weights: dict[tuple[str, int], list[tf.Tensor]] = {}
 
-    def key(self, point: Point) -> NetworkKey:
-        """Which compiled step `point` is trained with: points of equal keys share it."""
+    def network_key(self, point: Point) -> NetworkKey:
+        """Return the key of the compiled step of `point`; points of equal keys share it."""
         return self.budget.config(point, 0).backbone, point.optimizer
 
     def prepare(self, point: Point, seed: int) -> None:
-        """Build and trace what `point` needs, if no trial before did."""
-        if (point.start, seed) not in self._starts:
-            model, self.origins[point.start] = initialise_network(self.budget.config(point, seed))
-            self._starts[point.start, seed] = _copy_values(model.variables)
-        if self.key(point) not in self._kept:
-            self._kept[self.key(point)] = _CompiledNetwork(self.budget, point)
-            self._reset(point, seed)
-            self._traced(self._kept[self.key(point)].learner)
+        """Build and trace the network of `point` unless an earlier trial did."""
+        if (point.start, seed) not in self._initial_weights:
+            config = self.budget.config(point, seed)
+            network, self.weight_origins[point.start] = initialise_network(config)
+            self._initial_weights[point.start, seed] = _copy_values(network.variables)
+        if self.network_key(point) not in self._networks:
+            self._networks[self.network_key(point)] = _CompiledNetwork(self.budget, point)
+            self._trace(self._reset(point, seed))
 
     def run(
         self,
         point: Point,
         seed: int,
         *,
-        alive: Callable[[], None] = lambda: None,
-        rungs: Iterable[int] = (),
-        reached: Callable[[int, float], None] = lambda step, mre: None,
+        check_timeout: Callable[[], None] = lambda: None,
+        report_steps: Collection[int] = (),
+        on_report: Callable[[int, float], None] = lambda step, mre: None,
     ) -> TrialOutcome:
-        """Train `point` from its start. Raises training.Diverged when the loss or the result is no number.
+        """Train `point` from its start. Raises TrainingDiverged when the loss or the MRE is not finite.
 
-        `alive` is called before each step and `reached` with the MRE after each of the steps `rungs`; what
-        they raise ends the trial.
+        `check_timeout` is called before each step, `on_report` with the MRE in percent after each of
+        `report_steps`; an exception of either ends the trial.
         """
         self.prepare(point, seed)
-        learner = self._reset(point, seed)
-        judged_at, judging_s, judging_cpu_s = set(rungs), 0.0, 0.0
+        trainer = self._reset(point, seed)
+        evaluation_s, evaluation_cpu_s = 0.0, 0.0
         losses: list[float] = []
-        fed: list[tf.Tensor] = []
-        begun, used = time.perf_counter(), time.process_time()
-        for step, (images, target) in enumerate(self.pictures.training(point.augmentations, seed), 1):
-            alive()
-            losses.append(_require_finite(float(learner.train_step(images, target)), step))
-            if len(fed) * self.budget.batch_size < self.budget.calibration:
-                fed.append(images)
-            if step in judged_at:
-                found, spent, cpu = self._judged(learner, fed)
-                judging_s, judging_cpu_s = judging_s + spent, judging_cpu_s + cpu
-                reached(step, _require_finite(learner.task.aggregate(found)["mre"], step))
-        steps_s = time.perf_counter() - begun - judging_s
-        steps_cpu_s = time.process_time() - used - judging_cpu_s
-        found, spent, _ = self._judged(learner, fed)
+        calibration: list[tf.Tensor] = []
+        started, started_cpu = time.perf_counter(), time.process_time()
+        batches = _check_before_each(self.data.training(point.augmentations, seed), check_timeout)
+        for step in train_steps(trainer, batches):
+            losses.append(step.loss)
+            if len(calibration) * self.budget.batch_size < self.budget.calibration:
+                calibration.append(step.images)
+            if step.number in report_steps:
+                results, spent, cpu = self._evaluate(trainer, calibration)
+                evaluation_s, evaluation_cpu_s = evaluation_s + spent, evaluation_cpu_s + cpu
+                on_report(step.number, _finite_mre(trainer, results, step.number))
+        steps_s = time.perf_counter() - started - evaluation_s
+        steps_cpu_s = time.process_time() - started_cpu - evaluation_cpu_s
+        results, spent, _ = self._evaluate(trainer, calibration)
         return TrialOutcome(
-            mre=_require_finite(learner.task.aggregate(found)["mre"], len(losses)),
+            mre=_finite_mre(trainer, results, len(losses)),
             losses=losses,
-            found=found,
-            parameters=learner.model.count_params(),
+            results=results,
+            parameters=trainer.model.count_params(),
             steps_s=steps_s,
             steps_cpu_s=steps_cpu_s,
-            judging_s=judging_s + spent,
+            evaluation_s=evaluation_s + spent,
             images_per_s=len(losses) * self.budget.batch_size / steps_s,
         )
 
-    def model(self, point: Point) -> keras.Model:
-        """The network that the last trial with the key of `point` trained."""
-        return self._kept[self.key(point)].learner.model
+    def network(self, point: Point) -> keras.Model:
+        """Return the network that the last trial with the key of `point` trained."""
+        return self._networks[self.network_key(point)].trainer.model
 
-    def inference_ms(self, point: Point) -> float:
-        """Milliseconds that the network of `point` takes for one picture: the least of several times.
+    def measure_inference_ms(self, point: Point) -> float:
+        """Return the milliseconds that the network of `point` takes for one image: the minimum of 30 runs.
 
-        Other workers have the same processors; the least is what the network takes undisturbed.
+        Other workers use the same processors; the minimum is the time that the network takes undisturbed.
         """
-        infer, one = self._kept[self.key(point)].learner.predict_step, self.pictures.validation[0][0][:1]
-        infer(one)
-        spent = []
-        for _ in range(_TIMED_INFERENCES):
-            begun = time.perf_counter()
-            infer(one).numpy()
-            spent.append(1e3 * (time.perf_counter() - begun))
-        return min(spent)
+        infer = self._networks[self.network_key(point)].trainer.predict_step
+        image = self.data.validation[0][0][:1]
+        infer(image)
+        times_ms = []
+        for _ in range(_INFERENCE_REPEATS):
+            started = time.perf_counter()
+            infer(image).numpy()
+            times_ms.append(1e3 * (time.perf_counter() - started))
+        return min(times_ms)
 
     def _reset(self, point: Point, seed: int) -> Trainer:
-        kept = self._kept[self.key(point)]
-        _assign_values(kept.learner.model.variables, self._starts[point.start, seed])
-        _assign_values(optimizer_variables(kept.learner.optimizer), kept.optimizer_values)
-        kept.rates.set_schedule(point.schedule, peak=LEARNING_RATE, final=FINAL_LEARNING_RATE)
-        return kept.learner
+        """Set the compiled step of `point` to the values that its trial starts from."""
+        network = self._networks[self.network_key(point)]
+        trainer = network.trainer
+        _assign_values(trainer.model.variables, self._initial_weights[point.start, seed])
+        _assign_values(optimizer_variables(trainer.optimizer), network.optimizer_values)
+        network.schedule.set_schedule(point.schedule, peak=LEARNING_RATE, final=FINAL_LEARNING_RATE)
+        return trainer
 
-    def _judged(self, learner: Trainer, fed: list[tf.Tensor]) -> tuple[dict[str, np.ndarray], float, float]:
-        """What the validation pictures give, and the seconds and seconds of CPU time it took."""
-        begun, used = time.perf_counter(), time.process_time()
-        learner.recalibrate(lambda: batch_norm.calibration_batches(fed, self.budget.calibration))
-        found = learner.evaluate(self.pictures.validation)
-        return found, time.perf_counter() - begun, time.process_time() - used
+    def _evaluate(
+        self, trainer: Trainer, calibration: list[tf.Tensor]
+    ) -> tuple[dict[str, np.ndarray], float, float]:
+        """Return the results on the validation images, and the seconds and seconds of CPU time they took."""
+        started, started_cpu = time.perf_counter(), time.process_time()
+        trainer.recalibrate(lambda: batch_norm.calibration_batches(calibration, self.budget.calibration))
+        results = trainer.evaluate(self.data.validation)
+        return results, time.perf_counter() - started, time.process_time() - started_cpu
 
-    def _traced(self, learner: Trainer) -> None:
-        """One step and one judgement, for what they leave compiled."""
-        images, target = next(self.pictures.training((), 0))
-        learner.train_step(images, target)
-        self._judged(learner, [images] * -(-self.budget.calibration // len(images)))
+    def _trace(self, trainer: Trainer) -> None:
+        """Run one step and one evaluation, so that both are compiled."""
+        images, target = next(self.data.training((), 0))
+        trainer.train_step(images, target)
+        self._evaluate(trainer, [images] * -(-self.budget.calibration // len(images)))
 
 
 class _CompiledNetwork:
-    """A compiled step with what its optimizer starts from."""
+    """A compiled training step with the initial values of its optimizer."""
 
     def __init__(self, budget: Budget, point: Point) -> None:
         config = budget.config(point, 0)
-        model, _ = initialise_network(config, origin="values that are about to be set")
-        self.rates = TableSchedule(budget.steps)
-        self.learner = Trainer(model, make_task(config), OPTIMIZERS[point.optimizer](self.rates))
-        self.optimizer_values = _copy_values(optimizer_variables(self.learner.optimizer))
+        network, _ = initialise_network(config, origin="set before each trial")
+        self.schedule = TableSchedule(budget.steps)
+        self.trainer = Trainer(network, make_task(config), OPTIMIZERS[point.optimizer](self.schedule))
+        self.optimizer_values = _copy_values(optimizer_variables(self.trainer.optimizer))
+
+
+def check_weights(budget: Budget, points: Iterable[Point]) -> None:
+    """Raise InputError if the initial weights of one of `points` cannot be had; downloads them if need be."""
+    options = {"large_imagenet": "--weights-large", "small_imagenet": "--weights-small"}
+    for point in {point.start: point for point in points}.values():
+        try:
+            initialise_network(budget.config(point, 0))
+        except InputError as error:
+            option = options[point.start]
+            raise InputError(
+                f"no initial weights for {point.start} ({str(error).split('; pass')[0]}); "
+                f"pass {option} FILE, or {option} none for random weights"
+            ) from error
 
 
 def _copy_values(variables: Iterable[Any]) -> list[tf.Tensor]:
@@ -169,7 +188,14 @@ def _assign_values(variables: Iterable[Any], values: Iterable[tf.Tensor]) -> Non
         variable.assign(value)
 
 
-def _require_finite(value: float, step: int) -> float:
-    if not math.isfinite(value):
-        raise TrainingDiverged(f"training diverged: {value} at step {step}")
-    return value
+def _check_before_each(batches: Iterable[Batch], check: Callable[[], None]) -> Iterator[Batch]:
+    for batch in batches:
+        check()
+        yield batch
+
+
+def _finite_mre(trainer: Trainer, results: dict[str, np.ndarray], step: int) -> float:
+    mre = trainer.task.aggregate(results)["mre"]
+    if not math.isfinite(mre):
+        raise TrainingDiverged(f"training diverged: the MRE is {mre} at step {step}")
+    return mre

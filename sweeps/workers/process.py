@@ -2,14 +2,11 @@
 
 import time
 
-import tensorflow as tf
-
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.errors import InputError
+from sweeps.queue.study_storage import quiet_optuna
 from sweeps.queue.trial_queue import TrialQueue
-from sweeps.trials.objective import TrainingObjective
-from sweeps.trials.training_data import TrainingData
-from sweeps.trials.trial_runner import TrialRunner
 from sweeps.workers import worker_pool
 from sweeps.workers.worker import run_trials
 from sweeps.workers.worker_settings import WorkerSettings
@@ -17,32 +14,37 @@ from sweeps.workers.worker_settings import WorkerSettings
 _RETRY_PAUSE_S = 2.0
 
 
-def run_worker_process(orders: WorkerSettings) -> None:
-    """Work at the study until nothing is left or the supervisor is gone; ends as a command does."""
+def run_worker_process(settings: WorkerSettings) -> None:
+    """Run trials until none is left or the supervisor has exited; exit like a command."""
     worker_pool.install_signal_handlers()
-    run_command(lambda _: _run_worker(orders))
+    run_command(lambda _: _run_worker(settings))
 
 
-def _run_worker(orders: WorkerSettings) -> None:
+def _run_worker(settings: WorkerSettings) -> None:
+    load_tensorflow()
+    quiet_optuna()
+    import tensorflow as tf
+
+    from sweeps.trials.objective import TrainingObjective
+    from sweeps.trials.training_data import TrainingData
+    from sweeps.trials.trial_runner import TrialRunner
+
     # This worker's share of the cores.
-    tf.config.threading.set_intra_op_parallelism_threads(orders.threads)
-    tf.config.threading.set_inter_op_parallelism_threads(orders.threads)
-    trainer = TrialRunner(orders.budget, TrainingData(orders.budget, threads=orders.threads))
-    book = _open_queue(orders)
-    run_trials(
-        book,
-        TrainingObjective(trainer, book, orders.folder),
-        wanted=lambda: not worker_pool.supervisor_is_gone(),
-    )
+    tf.config.threading.set_intra_op_parallelism_threads(settings.threads)
+    tf.config.threading.set_inter_op_parallelism_threads(settings.threads)
+    runner = TrialRunner(settings.budget, TrainingData(settings.budget, threads=settings.threads))
+    queue = _open_queue(settings)
+    objective = TrainingObjective(runner, queue, settings.folder)
+    run_trials(queue, objective, should_continue=lambda: not worker_pool.supervisor_is_gone())
 
 
-def _open_queue(orders: WorkerSettings) -> TrialQueue:
-    """The study's book. The command has opened it before: where that fails now the database is away."""
-    begun = time.monotonic()
+def _open_queue(settings: WorkerSettings) -> TrialQueue:
+    """Open the study's queue; retry on errors, as the command has opened it: the database must be offline."""
+    started = time.monotonic()
     while True:
         try:
-            return orders.open()
+            return settings.open_queue()
         except InputError:
-            if time.monotonic() - begun > orders.rules.patience_s:
+            if time.monotonic() - started > settings.policy.patience_s:
                 raise
             time.sleep(_RETRY_PAUSE_S)

@@ -9,13 +9,14 @@ from contextlib import contextmanager
 from optuna.exceptions import StorageInternalError
 from sqlalchemy.exc import SQLAlchemyError
 
+from sweeps.queue import optuna_adapter
 from sweeps.queue.study_storage import RetryPolicy
 from sweeps.queue.trial_queue import ClaimedTrial, TrialQueue
 
 STUCK_STATUS = 75
-"""Exit status of a worker whose trial hung."""
+"""Exit status of a worker whose trial does not return."""
 _PREPARATION_S = 900.0
-"""Time to make pictures and trace a network, which is not the trial's."""
+"""Time to render images and trace a network, which does not count as the trial's."""
 
 
 class TrialFailed(Exception):
@@ -23,56 +24,55 @@ class TrialFailed(Exception):
 
 
 class TrialWatchdog:
-    """A trial's time, and the heartbeats of the worker that has it, which come from a thread of their own."""
+    """Times the worker's trial and sends heartbeats for it, from a thread of its own."""
 
-    def __init__(self, book: TrialQueue) -> None:
-        self._book, self._rules = book, book.store.rules
+    def __init__(self, queue: TrialQueue) -> None:
+        self._queue, self._policy = queue, queue.storage.policy
         self._claim: ClaimedTrial | None = None
-        self._begun, self._stuck_at = 0.0, 0.0
-        threading.Thread(target=self._beat, daemon=True).start()
+        self._started, self._stuck_at = 0.0, 0.0
+        threading.Thread(target=self._send_heartbeats, daemon=True).start()
 
     @contextmanager
-    def watching(self, claim: ClaimedTrial) -> Iterator[None]:
-        """Send heartbeats for this trial."""
-        self._begun, self._stuck_at = 0.0, time.monotonic() + _PREPARATION_S
+    def watch(self, claim: ClaimedTrial) -> Iterator[None]:
+        """Send heartbeats for this trial inside the context."""
+        self._started, self._stuck_at = 0.0, time.monotonic() + _PREPARATION_S
         self._claim = claim
         try:
             yield
         finally:
             self._claim = None
 
-    def start(self) -> None:
-        """From now on the time is the trial's."""
-        self._begun = time.monotonic()
-        self._stuck_at = self._begun + 2 * self._rules.time_limit_s
+    def start_clock(self) -> None:
+        """Start to count the trial's time: preparation is over."""
+        self._started = time.monotonic()
+        self._stuck_at = self._started + 2 * self._policy.time_limit_s
 
-    def check(self) -> None:
-        """Raise Failed once the trial is over its time limit."""
-        if self._begun and time.monotonic() - self._begun > self._rules.time_limit_s:
-            raise TrialFailed(timeout_message(self._rules))
+    def check_timeout(self) -> None:
+        """Raise TrialFailed once the trial has run for longer than its time limit."""
+        if self._started and time.monotonic() - self._started > self._policy.time_limit_s:
+            raise TrialFailed(timeout_message(self._policy))
 
-    def _beat(self) -> None:
+    def _send_heartbeats(self) -> None:
         while True:
             claim = self._claim
             if claim is not None and time.monotonic() > self._stuck_at:
-                self._give_up(claim)
-            # A beat that does not get through may be followed by one that does; a database that stays away
-            # is for the worker itself to notice.
+                self._exit_stuck(claim)
+            # One heartbeat may be lost; the worker's own queries notice a database that stays offline.
             try:
                 if claim is not None:
-                    self._book.store.storage.record_heartbeat(claim.trial_id)
+                    optuna_adapter.send_heartbeat(self._queue.storage.rdb, claim.trial_id)
             except (StorageInternalError, SQLAlchemyError):
-                self._book.store.away_at = time.monotonic()
-            time.sleep(self._rules.heartbeat_s)
+                self._queue.storage.last_offline_at = time.monotonic()
+            time.sleep(self._policy.heartbeat_s)
 
-    def _give_up(self, claim: ClaimedTrial) -> None:
-        """End the process: what does not come back from a step cannot be ended otherwise."""
+    def _exit_stuck(self, claim: ClaimedTrial) -> None:
+        """Exit the process: a training step that does not return cannot be interrupted otherwise."""
         try:
-            self._book.fail(claim, f"{timeout_message(self._rules)}, and stuck")
+            self._queue.fail(claim, f"{timeout_message(self._policy)}, and stuck")
         finally:
             os._exit(STUCK_STATUS)
 
 
-def timeout_message(rules: RetryPolicy) -> str:
-    """The reason of a trial over its time limit."""
-    return f"over its time limit of {rules.time_limit_s:g} s"
+def timeout_message(policy: RetryPolicy) -> str:
+    """Return the reason of a trial that ran for longer than its time limit."""
+    return f"over its time limit of {policy.time_limit_s:g} s"

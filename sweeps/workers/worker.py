@@ -13,7 +13,7 @@ from sweeps.queue.trial_queue import ClaimedTrial, TrialQueue
 from sweeps.workers.watchdog import TrialFailed, TrialWatchdog
 
 _MAX_CONSECUTIVE_FAILURES = 10
-"""After so many it is not the trials: the worker stops before it has spent everyone's retries."""
+"""After so many failures the cause is not the trials: the worker stops before all retries are used up."""
 
 
 @dataclass(frozen=True)
@@ -27,56 +27,59 @@ class TrialResult:
 Objective = Callable[[ClaimedTrial, TrialWatchdog], TrialResult]
 
 
-def run_trials(book: TrialQueue, objective: Objective, *, wanted: Callable[[], bool] = lambda: True) -> None:
-    """Work off the study's trials with `objective`, waiting for those of others, while `wanted` says so.
+def run_trials(
+    queue: TrialQueue, objective: Objective, *, should_continue: Callable[[], bool] = lambda: True
+) -> None:
+    """Run the study's trials with `objective` until all are done, also by other workers.
 
-    What `objective` raises fails its trial; InputError and Ctrl-C also end the worker, the trial being queued
-    again at no cost. Raises store.Unreachable when the database stays away.
+    An exception of `objective` fails its trial. InputError and KeyboardInterrupt also end the worker; the
+    trial is then queued again without counting as a failure. Raises StorageUnreachable when the database
+    stays offline, and RuntimeError after too many failures in a row.
     """
-    store, failures = book.store, 0
-    clock = TrialWatchdog(book)
-    while wanted():
-        claim = store.patiently(book.claim)
+    storage, failures = queue.storage, 0
+    watchdog = TrialWatchdog(queue)
+    while should_continue():
+        claim = storage.retry_while_offline(queue.claim)
         if claim is not None:
-            reason = _run_trial(book, clock, claim, objective)
+            reason = _run_trial(queue, watchdog, claim, objective)
             failures = failures + 1 if reason else 0
             if failures == _MAX_CONSECUTIVE_FAILURES:
                 raise RuntimeError(f"{failures} trials in a row failed, the last: {reason}")
-        elif store.patiently(book.finished):
+        elif storage.retry_while_offline(queue.is_finished):
             return
         else:
-            time.sleep(store.rules.heartbeat_s)
+            time.sleep(storage.policy.heartbeat_s)
 
 
-def _run_trial(book: TrialQueue, clock: TrialWatchdog, claim: ClaimedTrial, objective: Objective) -> str:
-    """Do a claimed trial and tell how it ended; the reason if it failed."""
-    store, begun = book.store, time.monotonic()
+def _run_trial(queue: TrialQueue, watchdog: TrialWatchdog, claim: ClaimedTrial, objective: Objective) -> str:
+    """Run a claimed trial and record how it ended; return the reason if it failed."""
+    storage, started = queue.storage, time.monotonic()
     try:
-        with clock.watching(claim):
-            done = objective(claim, clock)
-        if not all(math.isfinite(value) for value in done.values):
-            raise TrialFailed(f"the result is no number: {list(done.values)}")
+        with watchdog.watch(claim):
+            result = objective(claim, watchdog)
+        if not all(math.isfinite(value) for value in result.values):
+            raise TrialFailed(f"the result is not finite: {list(result.values)}")
     except (InputError, KeyboardInterrupt) as error:
         stopped = f"stopped: {_describe_error(error)}"
-        store.patiently(lambda: book.fail(claim, stopped, counts=False))
+        storage.retry_while_offline(lambda: queue.fail(claim, stopped, counts=False))
         raise
     except Exception as error:
         reason = _describe_error(error)
-        store.patiently(lambda: book.fail(claim, reason))
+        storage.retry_while_offline(lambda: queue.fail(claim, reason))
         return reason
     attributes = {
-        **done.attributes,
+        **result.attributes,
         "worker": f"{socket.gethostname()}:{os.getpid()}",
         "attempt": claim.attempt,
-        "trial_s": time.monotonic() - begun,
+        "trial_s": time.monotonic() - started,
     }
 
     def finish() -> None:
-        away = {"interrupted": store.interruption} if store.interruption else {}
-        book.finish(claim, done.values, {**attributes, **away})
+        outage = {"interrupted": storage.last_outage} if storage.last_outage else {}
+        queue.finish(claim, result.values, {**attributes, **outage})
 
-    store.patiently(finish)
-    store.interruption = ""
+    storage.retry_while_offline(finish)
+    storage.last_outage = ""
     return ""
 
 

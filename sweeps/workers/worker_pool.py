@@ -1,4 +1,4 @@
-"""Run several worker processes on this machine: start them, replace those that die, end them together."""
+"""Run several worker processes on this machine: start them, replace those that die, stop them together."""
 
 import multiprocessing
 import signal
@@ -16,95 +16,104 @@ from laesi_tf.common.errors import InputError
 from sweeps.queue.trial_queue import TrialQueue
 
 _POLL_S = 1.0
-_SHUTDOWN_S = 60.0
-"""What workers get to hand back their trials when they are asked to end."""
+_GRACE_S = 60.0
+"""Grace period in seconds for a worker to release its trial on SIGTERM."""
 _BAD_INPUT_STATUS = 2
-"""Exit status of a command that was asked for what cannot be; it has said what."""
+"""Exit status of a command that was given bad input and has printed what is wrong."""
 _MAX_DEATHS = 8
-"""Deaths without a trial completed in between, after which replacing workers is of no use."""
+"""Deaths without a completed trial in between, after which replacing workers does not help."""
 
 
 def run_worker_pool(
-    target: Callable[..., None], arguments: tuple[Any, ...], *, workers: int, book: TrialQueue, total: int
+    target: Callable[..., None], arguments: tuple[Any, ...], *, workers: int, queue: TrialQueue
 ) -> None:
-    """Run `target(*arguments)` in `workers` processes until each has returned, replacing those that die.
+    """Run `target(*arguments)` in `workers` processes until all have returned, replacing those that die.
 
-    `target` must be importable; the progress bar goes to `total` trials. Raises InputError if a worker was
-    given bad input, and RuntimeError if they die and die. However this ends, they are asked to end too and
-    given a minute.
+    `target` must be importable. Raises InputError if a worker was given bad input, and RuntimeError if
+    workers keep dying. However this ends, the workers get SIGTERM and a grace period.
     """
     context = multiprocessing.get_context("spawn")
-    crew: list[BaseProcess] = []
+    pool: list[BaseProcess] = []
 
-    def hire() -> BaseProcess:
-        made = context.Process(target=target, args=arguments)
-        made.start()
-        return made
+    def start_worker() -> BaseProcess:
+        process = context.Process(target=target, args=arguments)
+        process.start()
+        return process
 
-    with _terminate_on_exit(crew), _progress_bar(book, total) as show:
-        crew.extend(hire() for _ in range(workers))
+    with _terminate_on_exit(pool), _progress_bar(queue) as update:
+        pool.extend(start_worker() for _ in range(workers))
         deaths, complete = 0, 0
-        while any(member.exitcode != 0 for member in crew):
-            for place, member in enumerate(crew):
-                if member.exitcode == _BAD_INPUT_STATUS:
-                    raise InputError("a worker was given bad input and has said which")
-                if member.exitcode:
+        while any(process.exitcode != 0 for process in pool):
+            for index, process in enumerate(pool):
+                if process.exitcode == _BAD_INPUT_STATUS:
+                    raise InputError("a worker was given bad input and has printed what is wrong")
+                if process.exitcode:
                     deaths += 1
                     if deaths > _MAX_DEATHS:
-                        raise RuntimeError(f"workers die: {deaths} times, the last with {member.exitcode}")
-                    crew[place] = hire()
-            before, complete = complete, show()
+                        raise RuntimeError(
+                            f"{deaths} workers died in a row, the last with exit status {process.exitcode}"
+                        )
+                    pool[index] = start_worker()
+            before, complete = complete, update()
             deaths = deaths if complete == before else 0
             time.sleep(_POLL_S)
-        show()
+        update()
 
 
 def supervisor_is_gone() -> bool:
-    """Whether this worker's supervisor is gone: then no one wants it any more."""
+    """Return whether this worker's supervisor has exited: then the worker must end too."""
     parent = multiprocessing.parent_process()
     return parent is not None and not parent.is_alive()
 
 
 def install_signal_handlers() -> None:
-    """Let SIGTERM end this worker as Ctrl-C does, with time to hand back what it holds.
+    """Let SIGTERM interrupt this worker as Ctrl-C does, with time to release its trial.
 
-    Ctrl-C itself goes to all processes of a terminal: the supervisor passes it on, so that it comes once.
+    Ctrl-C goes to all processes of a terminal; the supervisor passes it on as SIGTERM, so that each worker
+    gets it once.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 @contextmanager
-def _terminate_on_exit(crew: list[BaseProcess]) -> Iterator[None]:
+def _terminate_on_exit(pool: list[BaseProcess]) -> Iterator[None]:
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-        for member in crew:
-            if member.exitcode is None:
-                member.terminate()
-        deadline = time.monotonic() + _SHUTDOWN_S
-        for member in crew:
-            member.join(max(0.0, deadline - time.monotonic()))
-            if member.exitcode is None:
-                member.kill()
+        for process in pool:
+            if process.exitcode is None:
+                process.terminate()
+        deadline = time.monotonic() + _GRACE_S
+        for process in pool:
+            process.join(max(0.0, deadline - time.monotonic()))
+            if process.exitcode is None:
+                process.kill()
 
 
 @contextmanager
-def _progress_bar(book: TrialQueue, total: int) -> Iterator[Callable[[], int]]:
-    """A progress bar, and what brings it up to date and tells how many trials have ended well."""
+def _progress_bar(queue: TrialQueue) -> Iterator[Callable[[], int]]:
+    """Show a progress bar; yield a function that updates it and returns how many trials have succeeded."""
+    retry = queue.storage.retry_while_offline
 
-    def ended() -> tuple[int, int]:
-        now = book.store.patiently(book.counts)
-        return now[TrialState.COMPLETE] + now[TrialState.PRUNED], now[TrialState.FAIL]
+    def count_ended() -> tuple[int, int]:
+        counts = retry(queue.count_by_state)
+        return counts[TrialState.COMPLETE] + counts[TrialState.PRUNED], counts[TrialState.FAIL]
 
-    with tqdm(initial=ended()[0], total=total, unit="trial", dynamic_ncols=True, file=sys.stderr) as bar:
+    with tqdm(
+        initial=count_ended()[0],
+        total=retry(queue.expected_total),
+        unit="trial",
+        dynamic_ncols=True,
+        file=sys.stderr,
+    ) as bar:
 
-        def show() -> int:
-            well, failed = ended()
+        def update() -> int:
+            succeeded, failed = count_ended()
             bar.set_postfix_str(f"{failed} attempts failed", refresh=False)
-            bar.update(well - bar.n)
-            return well
+            bar.update(succeeded - bar.n)
+            return succeeded
 
-        yield show
+        yield update

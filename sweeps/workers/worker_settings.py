@@ -12,29 +12,38 @@ from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import FACTORS, Point
 
 
-def backbone_of_job(job: Job, budget: Budget) -> str:
-    """The kind of network that a job trains."""
-    return budget.config(Point(**job.levels), job.seed).backbone
-
-
 @dataclass(frozen=True)
 class WorkerSettings:
-    """The same for all workers of a command. `trials` is how many a search makes, 0 for a grid."""
+    """The same for all workers of a command; `trials` is the number of trials of a search, 0 for a grid."""
 
     storage: str
     study: str
     budget: Budget
-    rules: RetryPolicy
+    policy: RetryPolicy
     folder: Path
     threads: int
     trials: int = 0
 
-    def open(self) -> TrialQueue:
-        """The study's book: a search, or a ledger whose jobs are grouped by the compiled step they share."""
-        store = StudyStorage(self.storage, self.rules)
-        if self.trials:
-            return TpeQueue(store, self.study, FACTORS, trials=self.trials, seed=job_selection.SCREENING_SEED)
-        return GridQueue(store, self.study, FACTORS, group=self._group)
+    def open_queue(self) -> TrialQueue:
+        """Open the study's queue, which is created if it is missing. Raises InputError."""
+        return self.open_search() if self.trials else self.open_grid()
 
-    def _group(self, job: Job) -> str:
-        return f"{backbone_of_job(job, self.budget)} {job.levels['optimizer']}"
+    def open_grid(self) -> GridQueue:
+        """Open the queue of a grid, whose jobs are grouped by the compiled step that they share."""
+        return GridQueue(self._open_storage(), self.study, FACTORS, group=self._group)
+
+    def open_search(self) -> TpeQueue:
+        """Open the queue of a search."""
+        return TpeQueue(
+            self._open_storage(),
+            self.study,
+            FACTORS,
+            trials=self.trials,
+            seed=job_selection.SCREENING_SEED,
+        )
+
+    def _open_storage(self) -> StudyStorage:
+        return StudyStorage(self.storage, self.policy)
+
+    def _group(self, job: Job) -> tuple[str, str]:
+        return self.budget.config(Point(**job.levels), job.seed).backbone, job.levels["optimizer"]

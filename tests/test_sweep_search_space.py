@@ -15,7 +15,7 @@ from sweeps import grid
 from sweeps.trials import search_space
 
 
-def test_every_combination_is_there_once() -> None:
+def test_every_combination_occurs_once() -> None:
     assert [len(levels) for levels in search_space.FACTORS.values()] == [3, 5, 5, 19]
     assert len(search_space.POINTS) == len(set(search_space.POINTS)) == 3 * 5 * 5 * 19 == 1425
     for factor, levels in search_space.FACTORS.items():
@@ -23,28 +23,31 @@ def test_every_combination_is_there_once() -> None:
         assert counts == {level: 1425 // len(levels) for level in levels}
 
 
-def test_training_takes_every_level() -> None:
+def test_training_accepts_every_level() -> None:
     for point in search_space.POINTS:
         TrainConfig(optimizer=point.optimizer, schedule=point.schedule, augment=",".join(point.augmentations))
 
 
-def test_the_sets_are_nothing_all_the_papers_each_and_the_papers_less_each() -> None:
+def test_the_augmentation_sets_are_none_all_the_papers_each_and_the_papers_without_each() -> None:
     sets = [frozenset(names) for names in search_space.AUGMENTATION_SETS.values()]
     paper = frozenset(PAPER_AUGMENTATIONS)
-    wanted = [frozenset(), frozenset(AUGMENTATIONS), paper]
-    wanted += [frozenset([name]) for name in AUGMENTATIONS] + [paper - {name} for name in PAPER_AUGMENTATIONS]
-    assert Counter(sets) == Counter(wanted) and len(set(sets)) == 19
-    assert all(
-        augmentation_flags(names).sum() == len(names) for names in search_space.AUGMENTATION_SETS.values()
-    )
+    expected = [frozenset(), frozenset(AUGMENTATIONS), paper]
+    expected += [frozenset([name]) for name in AUGMENTATIONS] + [
+        paper - {name} for name in PAPER_AUGMENTATIONS
+    ]
+    assert Counter(sets) == Counter(expected) and len(set(sets)) == 19
+    for names in search_space.AUGMENTATION_SETS.values():
+        assert augmentation_flags(names).sum() == len(names)
 
 
-def test_the_papers_optimum_is_one_of_them() -> None:
+def test_the_papers_optimum_is_a_point() -> None:
     assert search_space.POINTS.count(search_space.OPTIMUM) == 1
     assert set(search_space.OPTIMUM.augmentations) == set(PAPER_AUGMENTATIONS)
 
 
-def test_it_is_printed_and_written_as_csv(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_points_are_printed_and_written_as_csv(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     grid.main([])
     printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
     grid.main(["--out", str(tmp_path / "grid.csv"), "--json", str(tmp_path / "grid.json")])
@@ -57,6 +60,12 @@ def test_it_is_printed_and_written_as_csv(tmp_path: Path, capsys: pytest.Capture
     assert len(json.loads((tmp_path / "grid.json").read_text())) == 1425
 
 
-def test_bad_input(tmp_path: Path) -> None:
+def test_help_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        grid.main(["--help"])
+    assert "Print the 1,425 points of the search space as CSV" in capsys.readouterr().out
+
+
+def test_a_folder_as_output_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is a folder"):
         grid.main(["--out", str(tmp_path)])
