@@ -29,9 +29,7 @@ def main(arguments: Sequence[str]) -> None:
     """Run the jobs that are not finished. Raises InputError."""
     options = _make_parser().parse_args(arguments)
     jobs = plan_jobs(load_experiments(options.names or ()), seeds=options.seeds)
-    for path in (options.out / SETTINGS, options.json):
-        if path is not None:
-            require_writable(path)
+    require_writable(options.out / SETTINGS)
     load_tensorflow()
     import tensorflow as tf
 

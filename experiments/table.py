@@ -33,9 +33,8 @@ def main(arguments: Sequence[str]) -> None:
     options = _make_parser().parse_args(arguments)
     out = options.out or options.runs
     settings, rows = read_settings(options.runs), collect_rows(options.runs, load_experiments())
-    for path in (*(out / name for name in _FILES), options.json):
-        if path is not None:
-            require_writable(path)
+    for name in _FILES:
+        require_writable(out / name)
     shown = select_shown_rows(rows)
     above, below = describe_setup(settings, options.caption), list(write_notes(rows))
     text = to_markdown(shown, settings, above, below)

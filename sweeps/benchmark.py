@@ -18,7 +18,7 @@ from tqdm import tqdm
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
-from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.hardware import describe_hardware, peak_rss_mb
 from laesi_tf.common.parsing import positive_int
 from laesi_tf.common.progress import progress_bar
@@ -43,8 +43,6 @@ _WARMUP_TRIALS = 10
 def main(arguments: Sequence[str]) -> None:
     """Run the trials, print what they cost."""
     options = _make_parser().parse_args(arguments)
-    if options.json:
-        require_writable(options.json)
     budget = budget_from_args(options, SCREENING)
     load_tensorflow()
     quiet_optuna()

@@ -16,7 +16,7 @@ from optuna.artifacts import FileSystemArtifactStore
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.errors import InputError
 from sweeps.queue import optuna_adapter
 from sweeps.queue.study_storage import (
@@ -32,8 +32,6 @@ from sweeps.queue.study_storage import (
 def main(arguments: Sequence[str]) -> None:
     """Serve the dashboard until Ctrl-C."""
     options = _make_parser().parse_args(arguments)
-    if options.json:
-        require_writable(options.json)
     quiet_optuna()
     server = make_dashboard_server(options.storage, options.folder, host=options.host, port=options.port)
     address = f"http://{options.host}:{server.server_port}/dashboard"

@@ -1,11 +1,10 @@
 """Print the 1,425 points of the search space as CSV, or write them to a file."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
-from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.arguments import make_parser, output_file
 from laesi_tf.cli.console import run_command
-from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
+from laesi_tf.common.atomic_files import write_csv, write_json
 from sweeps.trials.search_space import FACTORS, FINAL_LEARNING_RATE, LEARNING_RATE, OPTIMUM, POINTS, Point
 
 _HEADER = ("number", *FACTORS, "augmentations", "learning_rate", "final_learning_rate", "paper_optimum")
@@ -14,10 +13,10 @@ _HEADER = ("number", *FACTORS, "augmentations", "learning_rate", "final_learning
 def main(arguments: Sequence[str]) -> None:
     """Print the points as CSV, or write them to a file."""
     parser = make_parser("grid", __doc__, package="sweeps")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the CSV to FILE instead of printing")
+    parser.add_argument(
+        "--out", type=output_file, metavar="FILE", help="write the CSV to FILE instead of printing"
+    )
     options = parser.parse_args(arguments)
-    for path in filter(None, (options.out, options.json)):
-        require_writable(path)
     rows = [_format_row(number, point) for number, point in enumerate(POINTS)]
     if options.json:
         write_json(options.json, [dict(zip(_HEADER, row, strict=True)) for row in rows])

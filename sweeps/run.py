@@ -18,7 +18,7 @@ from optuna.trial import TrialState
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
-from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_int
 from sweeps.queue import job_selection
@@ -50,8 +50,6 @@ def main(arguments: Sequence[str]) -> None:
     """Queue the jobs, let workers run them, print how they ended."""
     options = _make_parser().parse_args(arguments)
     _check_combination(options)
-    if options.json:
-        require_writable(options.json)
     quiet_optuna()
     settings = _make_settings(options)
     require_folder(settings.folder)

@@ -60,13 +60,13 @@ def run(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
         photos: Path = manifest,
         scale: float = SCALE,
     ) -> dict[str, Any]:
-        options = ["--photos", photos, "--out", out, "--data", data, "--json", out / "metrics.json"]
+        options = ["--photos", photos, "--out", out, "--data", data, "--json", data / "metrics.json"]
         options += ["--scale", scale, "--seeds", 1, "--weights", "none"]
         with pytest.MonkeyPatch.context() as patch:
             jobs = [job for job in plan_jobs(load_experiments(names), seeds=1) if job.task in tasks]
             patch.setattr(command, "plan_jobs", lambda *_, **__: jobs)
             main([*names, *map(str, options)])
-        metrics: dict[str, Any] = json.loads((out / "metrics.json").read_text())
+        metrics: dict[str, Any] = json.loads((data / "metrics.json").read_text())
         return metrics
 
     return call

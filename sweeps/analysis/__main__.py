@@ -23,9 +23,7 @@ from sweeps.queue.study_storage import quiet_optuna
 def main(arguments: Sequence[str]) -> None:
     """Export the studies if asked, analyse them, print the page."""
     options = _make_parser().parse_args(arguments)
-    for path in (options.out / PAGE, options.json):
-        if path:
-            require_writable(path)
+    require_writable(options.out / PAGE)
     quiet_optuna()
     if options.storage:
         export_studies(options.storage, options.out, {name: getattr(options, name) for name in STUDIES})
