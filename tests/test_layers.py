@@ -70,6 +70,25 @@ def test_importing_any_module_changes_nothing_outside(stderr):
     assert json.loads(done.stdout.splitlines()[-1]) == []
 
 
+CLONE_COMMANDS = [
+    *(f"experiments.{name}" for name in ("run", "table")),
+    *(f"sweeps.{name}" for name in ("run", "grid", "dashboard", "analysis", "benchmark")),
+]
+
+
+@pytest.mark.parametrize("module", CLONE_COMMANDS)
+def test_wrong_flags_of_experiments_and_sweeps_need_no_tensorflow(module):
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", module, "--no-such-flag"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 2 and "--no-such-flag" in done.stderr, done.stderr[-500:]
+    assert " tensorflow" not in done.stderr and " keras" not in done.stderr
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_and_wrong_flags_need_no_tensorflow(command):
     for flag, status in (("--help", 0), ("--no-such-flag", 2)):

@@ -16,7 +16,16 @@ from sweep_studies import write_finished_study
 
 from laesi_tf.common.errors import InputError
 from sweeps.analysis import __main__ as command
-from sweeps.analysis import charts, effects, findings, pipeline, ranking, search_cost, trial_table
+from sweeps.analysis import (
+    charts,
+    effects,
+    findings,
+    pipeline,
+    ranking,
+    screening_findings,
+    search_cost,
+    trial_table,
+)
 from sweeps.analysis.ranking import Finalist, RepeatedPoint
 from sweeps.analysis.trial_table import TrialRecord
 from sweeps.queue.study_storage import RetryPolicy, StudyStorage
@@ -49,7 +58,9 @@ def simulate_screening(sigma: float = 0.05, seed: int = 0) -> list[TrialRecord]:
 
 
 def describe_screening(records: Sequence[TrialRecord]) -> str:
-    return "\n".join(findings.describe_screening(records, records, effects.estimate_effects(records)))
+    return "\n".join(
+        screening_findings.describe_screening(records, records, effects.estimate_effects(records))
+    )
 
 
 def describe_finalists(finalists: Sequence[Finalist], seeds: int, left_out: int = 0) -> str:
@@ -91,7 +102,7 @@ def test_simultaneous_intervals_have_their_coverage() -> None:
 
 def test_the_notable_interaction_is_that_of_the_simulation() -> None:
     model = effects.estimate_effects(simulate_screening())
-    assert findings.notable_interactions(model) == ["start x optimizer"]
+    assert screening_findings.notable_interactions(model) == ["start x optimizer"]
     # A pair without any effect explains what chance does.
     pair = "schedule x augmentation"
     assert model.shares[pair] == pytest.approx(model.by_chance[pair], rel=0.5)

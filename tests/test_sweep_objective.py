@@ -13,16 +13,19 @@ from sweep_trials import BUDGET, make_runner
 from laesi_tf.common.run_files import CONFIG_FILE
 from laesi_tf.models.saved_model import load_run
 from laesi_tf.training.config_files import load_config
+from sweeps import benchmark
 from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy, StudyStorage
 from sweeps.queue.tpe_queue import PRUNED_AT, TpeQueue
-from sweeps.trials import artifacts
+from sweeps.queue.trial_queue import ClaimedTrial
+from sweeps.trials import artifacts, trial_runner
 from sweeps.trials.objective import TrainingObjective
 from sweeps.trials.search_space import FACTORS, POINTS, Point
 from sweeps.trials.training_data import Batch
 from sweeps.trials.trial_runner import TrialRunner
-from sweeps.workers.worker import run_trials
+from sweeps.workers.watchdog import TrialWatchdog
+from sweeps.workers.worker import TrialResult, run_trials
 
 # One network and optimizer, so that one compiled step is enough.
 NUMBERS = [n for n, p in enumerate(POINTS) if (p.start, p.optimizer) == ("small_imagenet", "sgd")][:4]
@@ -97,6 +100,23 @@ def test_a_search_trains_the_same_points_and_prunes(shared: TrialRunner, tmp_pat
     assert len(complete) + len(pruned) == 16 and pruned
     assert {trial.user_attrs[PRUNED_AT] for trial in pruned} <= {1, 2}
     assert shared.run(Point(**complete[0].params), 0).mre == complete[0].values[0]
+
+
+def test_the_benchmark_counts_a_retried_trial_once(
+    shared: TrialRunner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attempts, train = [], TrainingObjective.__call__
+
+    def fail_once(objective: TrainingObjective, claim: ClaimedTrial, watchdog: TrialWatchdog) -> TrialResult:
+        attempts.append(claim)
+        if len(attempts) == 1:
+            raise ValueError("raised on purpose")
+        return train(objective, claim, watchdog)
+
+    monkeypatch.setattr(TrainingObjective, "__call__", fail_once)
+    monkeypatch.setattr(trial_runner, "TrialRunner", lambda *_: shared)
+    costs = benchmark.measure_trial_cost(BUDGET, shared.data, job_selection.select_points(NUMBERS[:2]))
+    assert costs["trials"] == 2 and len(attempts) == 3 and costs["trial_s"] > 0
 
 
 @pytest.mark.parametrize("losses", [[1.0], [0.5, 0.5], [3.0, 0.0, 1e3]])

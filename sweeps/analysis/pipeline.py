@@ -10,7 +10,15 @@ import numpy as np
 import optuna
 
 from laesi_tf.common.atomic_files import read_json, write_csv, write_json, write_text
-from sweeps.analysis import charts, effects, findings, ranking, search_cost, trial_table
+from sweeps.analysis import (
+    charts,
+    effects,
+    findings,
+    ranking,
+    screening_findings,
+    search_cost,
+    trial_table,
+)
 from sweeps.analysis.trial_table import TrialRecord
 from sweeps.queue.study_storage import open_existing_storage
 from sweeps.trials.search_space import POINTS
@@ -79,7 +87,7 @@ def _analyse_screening(report: _Report, screened: Sequence[TrialRecord], out: Pa
     part = effects.balanced_part(screened)
     model = effects.estimate_effects(part) if effects.has_enough_factors(part) else None
     report.figures["missing_points"] = len(POINTS) - len({record.number for record in screened})
-    report.lines += findings.describe_screening(screened, part, model)
+    report.lines += screening_findings.describe_screening(screened, part, model)
     if model:
         report.figures |= {
             "shares": model.shares,
@@ -92,7 +100,7 @@ def _analyse_screening(report: _Report, screened: Sequence[TrialRecord], out: Pa
         report.charts.append("main_effects.png")
     charts.plot_parallel_coordinates(out / "parallel.png", screened)
     report.charts.append("parallel.png")
-    if model and (pairs := findings.notable_interactions(model)):
+    if model and (pairs := screening_findings.notable_interactions(model)):
         charts.plot_interactions(out / "interactions.png", model.pairs, pairs)
         report.charts.append("interactions.png")
 

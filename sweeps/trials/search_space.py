@@ -62,6 +62,9 @@ class Point:
         """The level of each factor."""
         return dataclasses.asdict(self)
 
+    def __str__(self) -> str:
+        return ", ".join(self.levels.values())
+
     @property
     def augmentations(self) -> tuple[str, ...]:
         """The names of the augmentations in its set."""
