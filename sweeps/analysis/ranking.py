@@ -1,7 +1,7 @@
 """Compare how a small and a larger budget rank points, and rank the paper's optimum."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from sweeps.analysis.trial_table import TrialRecord
 from sweeps.trials.search_space import OPTIMUM, POINTS
 
 _RESAMPLES, _SEED, _CONFIDENCE = 2000, 0, 0.95
-_COEFFICIENTS = (("Kendall's tau", stats.kendalltau), ("Spearman's rho", stats.spearmanr))
+_COEFFICIENTS = {"Kendall's tau": stats.kendalltau, "Spearman's rho": stats.spearmanr}
 
 
 @dataclass(frozen=True)
@@ -106,28 +106,30 @@ def rank_correlations(points: Sequence[RepeatedPoint]) -> list[RankCorrelation]:
     The intervals are percentiles of a bootstrap over points; resamples of one single point have no
     correlation and are left out.
     """
-    screened = np.array([point.screened for point in points])
-    repeated = np.array([point.mre for point in points])
-    correlations = []
-    for name, coefficient in _COEFFICIENTS:
+    return [_correlate(points, name, coefficient) for name, coefficient in _COEFFICIENTS.items()]
 
-        def statistic(one: np.ndarray, other: np.ndarray, coefficient: Any = coefficient) -> float:
-            return float(coefficient(one, other).statistic)
 
-        with warnings.catch_warnings(), np.errstate(invalid="ignore"):
-            warnings.simplefilter("ignore", stats.ConstantInputWarning)
-            resampled = stats.bootstrap(
-                (screened, repeated),
-                statistic,
-                paired=True,
-                vectorized=False,
-                n_resamples=_RESAMPLES,
-                method="percentile",
-                rng=np.random.default_rng(_SEED),
-            ).bootstrap_distribution
-        low, high = np.nanquantile(resampled, [(1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2])
-        correlations.append(RankCorrelation(name, statistic(screened, repeated), float(low), float(high)))
-    return correlations
+def _correlate(
+    points: Sequence[RepeatedPoint], name: str, coefficient: Callable[..., Any]
+) -> RankCorrelation:
+    samples = [point.screened for point in points], [point.mre for point in points]
+
+    def statistic(screened: np.ndarray, repeated: np.ndarray) -> float:
+        return float(coefficient(screened, repeated).statistic)
+
+    with warnings.catch_warnings(), np.errstate(invalid="ignore"):
+        warnings.simplefilter("ignore", stats.ConstantInputWarning)
+        resampled = stats.bootstrap(
+            samples,
+            statistic,
+            paired=True,
+            vectorized=False,
+            n_resamples=_RESAMPLES,
+            method="percentile",
+            rng=np.random.default_rng(_SEED),
+        ).bootstrap_distribution
+    low, high = np.nanquantile(resampled, [(1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2])
+    return RankCorrelation(name, statistic(*map(np.asarray, samples)), float(low), float(high))
 
 
 def rank_of_optimum(records: Sequence[TrialRecord]) -> tuple[int, int]:

@@ -1,5 +1,6 @@
 """The base class of the queues that workers share: claims, results and counts of a study's trials."""
 
+import abc
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -45,7 +46,7 @@ class ClaimedTrial:
         return len(self.reasons) + 1
 
 
-class TrialQueue:
+class TrialQueue(abc.ABC):
     """The study `name` in a storage, created if it is missing; workers claim trials and record results.
 
     Methods that several workers call at once do what must not be interleaved under the storage's lock.
@@ -67,17 +68,17 @@ class TrialQueue:
             self.study.set_metric_names(list(objectives))
         self.study_id = optuna_adapter.study_id(storage.rdb, name)
 
+    @abc.abstractmethod
     def claim(self) -> ClaimedTrial | None:
         """Claim the next trial for this worker; None if there is none at the moment."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def is_finished(self) -> bool:
         """Return whether no trial is waiting or running."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def expected_total(self) -> int:
         """Return how many trials complete or are pruned if none is given up."""
-        raise NotImplementedError
 
     def given_up(self) -> dict[str, list[str]]:
         """Return the reasons of each job that failed too often to be retried, by the job's name."""
