@@ -101,7 +101,7 @@ def test_missing_weights_are_reported_before_any_worker_starts(
 
     monkeypatch.setattr(trial_runner, "initialise_network", refuse)
     monkeypatch.setattr(run, "run_worker_pool", lambda *_, **__: pytest.fail("a worker was started"))
-    with pytest.raises(InputError, match=r"large_imagenet .*no route to host.*pass --weights-large FILE"):
+    with pytest.raises(InputError, match=r"large_imagenet: .*no route to host.*pass --weights-large FILE"):
         run.main(make_arguments(tmp_path, "--points", "3"))
 
 

@@ -174,7 +174,7 @@ def check_weights(budget: Budget, points: Iterable[Point]) -> None:
         except InputError as error:
             option = options[point.start]
             raise InputError(
-                f"no initial weights for {point.start} ({str(error).split('; pass')[0]}); "
+                f"{point.start}: {str(error).split('; pass')[0]}; "
                 f"pass {option} FILE, or {option} none for random weights"
             ) from error
 
