@@ -65,8 +65,10 @@ def write_settings(out: Path, scale: float) -> None:
 
 
 def write_table(runs: Path, *options: str) -> tuple[str, list[dict[str, str]]]:
-    """Run the command; return table.md and the rows of table.csv."""
-    table.main(["--runs", str(runs), *options])
+    """Run the command without drawing; return table.md and the rows of table.csv."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(table, "write_figure", lambda *_, **__: None)
+        table.main(["--runs", str(runs), *options])
     with (runs / "table.csv").open(encoding="utf-8", newline="") as file:
         return (runs / "table.md").read_text(encoding="utf-8"), list(csv.DictReader(file))
 

@@ -40,6 +40,12 @@ MAIN_EFFECTS = {
 INTERACTIONS = {("start", "large_scratch", "optimizer", "sgd"): 0.4}
 
 
+@pytest.fixture(autouse=True)
+def shorten_simulations(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ranking, "_RESAMPLES", 200)
+    monkeypatch.setattr(pipeline, "_SEARCH_TRIALS", 60)
+
+
 def simulate_error(point: Point, random: np.random.Generator, sigma: float = 0.05) -> float:
     """Return an MRE with known effects on its logarithm, and noise."""
     log = math.log(50.0) + sigma * random.normal()
@@ -97,7 +103,7 @@ def test_simultaneous_intervals_have_their_coverage() -> None:
         model = effects.estimate_effects(simulate_screening(seed=seed))
         return any(effect.is_significant for effect in model.main if effect.factor == "augmentation")
 
-    assert sum(map(has_false_positive, range(20))) <= 4
+    assert sum(map(has_false_positive, range(10))) <= 3
 
 
 def test_the_notable_interaction_is_that_of_the_simulation() -> None:
@@ -232,7 +238,7 @@ def test_rank_correlations_have_intervals() -> None:
         assert correlation.low < 0 < correlation.high
     # Resamples of one single point have no correlation.
     for correlation in ranking.rank_correlations(same[:2]):
-        assert correlation.low == correlation.high == 1
+        assert correlation.low == pytest.approx(1) and correlation.high == pytest.approx(1)
 
 
 def test_opposite_ranks_are_described_as_such() -> None:
@@ -322,19 +328,19 @@ def test_tables_charts_and_page_are_written(tmp_path: Path, capsys: pytest.Captu
 @pytest.mark.parametrize(
     ("count", "expected"),
     [
-        (900, "Effects are estimated on 855 points with all combinations of their levels, without start"),
+        (900, "estimated on 760 points with all combinations of their levels, without optimizer nadam."),
         (7, "Effects are not estimated"),
     ],
 )
 def test_what_there_is_of_an_unfinished_sweep_is_analysed(tmp_path: Path, count: int, expected: str) -> None:
-    """Finished are the points of large_imagenet and, of 900, most of small_imagenet."""
+    """Of 900 points all of large_imagenet are complete, and of small_imagenet all but some of nadam."""
     values = [(record.mre, 2.0) for record in simulate_screening()[:count]]
     write_finished_study(str(tmp_path / "study.db"), np.array(values))
     out = tmp_path / "results"
     command.main(["--storage", str(tmp_path / "study.db"), "--out", str(out)])
     page = (out / pipeline.PAGE).read_text()
     assert f"Unfinished: {1425 - count} of 1425 points are missing." in page and expected in page
-    assert (out / "main_effects.png").exists() == ("are estimated" in expected)
+    assert (out / "main_effects.png").exists() == ("estimated on" in expected)
     with (out / "screening.csv").open() as file:
         assert len(list(csv.DictReader(file))) == count
 

@@ -1,5 +1,6 @@
 """Compare how a small and a larger budget rank points, and rank the paper's optimum."""
 
+import functools
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -81,7 +82,7 @@ def compare_finalists(screened: Sequence[TrialRecord], records: Sequence[TrialRe
     margin = np.inf
     if degrees_of_freedom:
         error = np.sqrt(np.sum(residuals**2) / degrees_of_freedom / len(seeds))
-        margin = error * stats.studentized_range.ppf(_CONFIDENCE, len(numbers), degrees_of_freedom)
+        margin = error * _studentized_range_quantile(len(numbers), degrees_of_freedom)
     behind = means - means.min()
 
     def percent(log_ratio: float) -> float:
@@ -130,6 +131,12 @@ def _correlate(
         ).bootstrap_distribution
     low, high = np.nanquantile(resampled, [(1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2])
     return RankCorrelation(name, statistic(*map(np.asarray, samples)), float(low), float(high))
+
+
+@functools.cache
+def _studentized_range_quantile(groups: int, degrees_of_freedom: int) -> float:
+    """Return the quantile of Tukey's test; SciPy takes a good part of a second for it."""
+    return float(stats.studentized_range.ppf(_CONFIDENCE, groups, degrees_of_freedom))
 
 
 def rank_of_optimum(records: Sequence[TrialRecord]) -> tuple[int, int]:
