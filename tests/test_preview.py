@@ -39,15 +39,15 @@ def test_sheets_and_their_labels(simple: Path, tmp_path: Path, capsys: pytest.Ca
     out = tmp_path / "out"
     arguments = ["--ranges", str(simple), "--count", "7", "--size", "64", "--out", str(out)]
     preview.main([*arguments, "--json", str(out / "a.json")])
-    told = json.loads((out / "a.json").read_text())
-    assert told["files"] == [str(out / name) for name in SHEETS] == capsys.readouterr().out.split()
+    report = json.loads((out / "a.json").read_text())
+    assert report["files"] == [str(out / name) for name in SHEETS] == capsys.readouterr().out.split()
     for name, columns, rows in zip(SHEETS, (6, 3, 4, 6), (2, 1, 1, 2), strict=True):
         with Image.open(out / name) as sheet:
             assert sheet.width == 12 + columns * (64 + 12)
             assert rows * (64 + 12) < sheet.height < rows * (64 + 12 + 24) + 12
-    assert [scene["index"] for scene in told["scenes"]] == list(range(7))
-    assert len({scene["area_cm2"] for scene in told["scenes"]}) == 7
-    assert set(told["scenes"][0]) == {"index", "area_cm2", "px_per_mm", "tilt_deg"}
+    assert [scene["index"] for scene in report["scenes"]] == list(range(7))
+    assert len({scene["area_cm2"] for scene in report["scenes"]}) == 7
+    assert set(report["scenes"][0]) == {"index", "area_cm2", "px_per_mm", "tilt_deg"}
 
 
 def test_each_component_changes_the_tile_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,7 +74,7 @@ def test_passes_show_one_leaf_in_four_lights() -> None:
 
 def test_photos_stand_beside_the_scenes(simple: Path, tmp_path: Path) -> None:
     Image.fromarray(photo(80, 60)).save(tmp_path / "good.png")
-    (tmp_path / "bad.png").write_bytes(b"no picture")
+    (tmp_path / "bad.png").write_bytes(b"not an image")
     (tmp_path / "manifest.csv").write_text("image,area_cm2\ngood.png,3\nbad.png,4\n")
     arguments = ["--ranges", str(simple), "--count", "4", "--size", "64", "--out", str(tmp_path / "out")]
     preview.main([*arguments, "--photos", str(tmp_path / "manifest.csv")])

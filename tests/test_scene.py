@@ -67,7 +67,7 @@ def test_mask_and_label_agree_on_tilted_scenes() -> None:
         flat = made["mask"].sum(dtype=np.int64) / made["px_per_mm"] ** 2 / 100
         naive.append(abs(flat - made["area_cm2"]) / made["area_cm2"])
     assert np.mean(errors) <= 0.003 and np.max(errors) <= 0.01
-    assert np.max(naive) > 0.01  # tilt matters: one scale for the whole picture would not do
+    assert np.max(naive) > 0.01  # tilt matters: one scale for the whole image is not enough
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +160,7 @@ def test_scale_is_that_at_the_centroid_of_the_leaf() -> None:
         assert float(layout.view.px_per_mm) == pytest.approx(expected, rel=1e-4)
 
 
-def test_outline_lies_within_the_frame() -> None:
+def test_outline_lies_within_the_image() -> None:
     for index in range(40):
         edges = leaf_edges(compute_layout(sample_scene(6, index, SINGLY), (200, 300)), (200, 300)).numpy()
         corners = edges.reshape(-1, 2)
@@ -168,7 +168,7 @@ def test_outline_lies_within_the_frame() -> None:
 
 
 @pytest.mark.parametrize("component", COMPONENTS)
-def test_each_component_shows_and_leaves_mask_and_label_alone(component: str) -> None:
+def test_each_component_is_visible_and_keeps_mask_and_label(component: str) -> None:
     strong = changed(FULL, "surface", undulation=(0.7, 1.0))
     strong = changed(strong, "light", relief=(0.6, 0.9))
     strong = changed(strong, "camera", fill=(0.35, 0.45), blur_mm=0.25, place_x=0.5, place_y=0.5)
@@ -222,14 +222,14 @@ def test_label_is_the_same_at_every_size(size: tuple[int, int]) -> None:
         assert reference["area_cm2"].numpy() == other["area_cm2"].numpy()
 
 
-def test_scale_grows_with_the_picture() -> None:
+def test_scale_grows_with_the_image() -> None:
     small, large = (synthesise(9, size=(side, side), index=0) for side in (128, 384))
     assert float(large["px_per_mm"]) == pytest.approx(3 * float(small["px_per_mm"]), rel=1e-4)
     shrunk = cv2.resize(large["mask"].numpy().astype(np.float32), (128, 128), interpolation=cv2.INTER_AREA)
     assert np.mean((shrunk > 0.5) != small["mask"].numpy()) < 0.005
 
 
-def test_seeds_and_indices_make_other_scenes() -> None:
+def test_scenes_differ_between_seeds_and_indices() -> None:
     places = itertools.product((0, 1), (0, 4, 8))
     areas = {float(synthesise(seed, size=(32, 32), index=index)["area_cm2"]) for seed, index in places}
     assert len(areas) == 6
@@ -273,7 +273,7 @@ def test_parts_have_streams_of_their_own() -> None:
     assert len(set(numbers)) >= len(numbers) - 8
 
 
-def test_kinds_of_leaves_come_as_often_as_their_weights() -> None:
+def test_kinds_of_leaves_are_as_frequent_as_their_weights() -> None:
     lengths = {"beech": (10.0, 11.0), "oak": (20.0, 21.0), "ovate": (30.0, 31.0)}
     weights = {"beech": 3.0, "oak": 1.0, "ovate": 0.0}
     leaf = {
