@@ -38,7 +38,7 @@ class AreaEstimator:
 
     def predict_area(self, pyramid: PhotoPyramid) -> AreaPrediction:
         """Predict the area of the leaf on a photo and the photo's scale."""
-        image, letterbox = pyramid.letterboxed(self._input_size)
+        image, letterbox = pyramid.letterbox_overview(self._input_size)
         output = self._predict(image[np.newaxis])[0]
         area = float(to_area_cm2(output[0], self._transform))
         px_per_mm = math.nan

@@ -47,7 +47,7 @@ class LeafDetector:
         """Return the leaves on a photo, the largest first."""
         params = self._params
         longer = float(max(pyramid.size))
-        overview, letterbox = pyramid.letterboxed(self._input_size)
+        overview, letterbox = pyramid.letterbox_overview(self._input_size)
         probability = self._predict(overview[np.newaxis])[0, ..., 0]
         components = self._extract(pyramid, probability, letterbox, params.overview_probability)
         found = remove_duplicates(self._zoom_in(pyramid, components, params.first_crop_of_photo * longer))
@@ -75,7 +75,7 @@ class LeafDetector:
         """
         if len(found) < 2:
             return found
-        overview, letterbox = pyramid.letterboxed(self._input_size)
+        overview, letterbox = pyramid.letterbox_overview(self._input_size)
         marked = self._segment_by_colour(overview, letterbox)
         more = self._zoom_in(pyramid, self._extract(pyramid, marked, letterbox, 0.5), 0.0)
         return remove_duplicates(found + self._drop_small(more, found))

@@ -56,7 +56,7 @@ class PhotoPyramid:
         """Height and width of the photo."""
         return self.photo.size
 
-    def letterboxed(self, size: tuple[int, int]) -> tuple[RgbImage, Letterbox]:
+    def letterbox_overview(self, size: tuple[int, int]) -> tuple[RgbImage, Letterbox]:
         """Return the overview in a network's input of `size` (height, width), made once per size."""
         if size not in self._letterboxed:
             self._letterboxed[size] = letterbox_image(self.overview.image, size)
