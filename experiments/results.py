@@ -56,7 +56,7 @@ class TableRow:
         return self.experiment.paper.get(self.count, {})
 
     @property
-    def planned(self) -> Sequence[str]:
+    def planned_metrics(self) -> Sequence[str]:
         """The metrics that the row is to have: masks are trained at the first count alone."""
         return METRICS if self.count == self.experiment.counts[0] else METRICS[:2]
 

@@ -35,7 +35,9 @@ def format_cells(row: TableRow, settings: Settings) -> list[str]:
     pairs = []
     for name, (our_digits, paper_digits) in _DIGITS.items():
         published = row.paper.get(name)
-        pairs.append(_format_cell(row.ours[name], our_digits) if name in row.planned else _NOT_PLANNED)
+        pairs.append(
+            _format_cell(row.ours[name], our_digits) if name in row.planned_metrics else _NOT_PLANNED
+        )
         pairs.append(_NOT_PLANNED if published is None else f"{published:.{paper_digits}f}")
     return [row.experiment.title, *counts, *pairs, str(row.seeds)]
 
@@ -72,7 +74,9 @@ def write_notes(rows: Sequence[TableRow]) -> Iterator[str]:
             )
     if origins := sorted(set().union(*(row.origins for row in rows))):
         yield f"Networks: MobileNetV3, weights from {' and '.join(origins)}."
-    cells = [_format_cell(row.ours[name], 1) for row in select_shown_rows(rows) for name in row.planned]
+    cells = [
+        _format_cell(row.ours[name], 1) for row in select_shown_rows(rows) for name in row.planned_metrics
+    ]
     if _ALL_REFUSED in cells:
         yield f"{_ALL_REFUSED}: measured, but every photograph was refused."
     if _NOT_RUN in cells:

@@ -72,13 +72,13 @@ def measure_trial_cost(budget: Budget, data: "TrainingData", jobs: Sequence[Job]
         queue.enqueue(jobs)
         objective = TrainingObjective(TrialRunner(budget, data), queue, Path(folder))
 
-        def measured(claim: ClaimedTrial, watchdog: TrialWatchdog) -> TrialResult:
+        def measure_trial(claim: ClaimedTrial, watchdog: TrialWatchdog) -> TrialResult:
             memory_mb.append(peak_rss_mb())
             bar.update()
             return objective(claim, watchdog)
 
         started, started_cpu = time.perf_counter(), time.process_time()
-        run_trials(queue, measured)
+        run_trials(queue, measure_trial)
         spent_s, spent_cpu_s = time.perf_counter() - started, time.process_time() - started_cpu
         complete = [history.complete for history in queue.job_histories().values() if history.complete]
     mean = {key: sum(trial.user_attrs[key] for trial in complete) / len(complete) for key in _TIMES}

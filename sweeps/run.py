@@ -109,7 +109,7 @@ def _summarise_study(queue: TrialQueue) -> dict[str, Any]:
     return {
         "study": queue.name,
         **{state.name.lower(): count for state, count in counts.items()},
-        "given_up": retry(queue.given_up),
+        "given_up": retry(queue.list_given_up),
         "best_job": best.user_attrs[JOB] if best else None,
         "best_mre": best.values[0] if best else None,
         "best_levels": best.params if best else None,
@@ -125,14 +125,14 @@ def _format_summary(summary: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _repeated_study(options: argparse.Namespace) -> str:
+def _name_repeat_study(options: argparse.Namespace) -> str:
     """Return the default study of the points that are repeated; empty for none."""
     return ("finalists" if options.finalists else "") or ("spread" if options.spread else "")
 
 
 def _check_combination(options: argparse.Namespace) -> None:
     """Raise InputError for options that have no effect together."""
-    repeated = _repeated_study(options)
+    repeated = _name_repeat_study(options)
     if repeated and options.sampler != "grid":
         raise InputError(f"--{repeated} repeats points of the grid; leave out --sampler")
     if options.trials and options.sampler != "tpe":
@@ -144,7 +144,7 @@ def _check_combination(options: argparse.Namespace) -> None:
 
 
 def _make_settings(options: argparse.Namespace) -> WorkerSettings:
-    repeated = _repeated_study(options)
+    repeated = _name_repeat_study(options)
     return WorkerSettings(
         storage=options.storage,
         study=options.study or repeated or options.sampler,

@@ -48,7 +48,7 @@ CHANGED = {
 
 def test_every_field_survives_the_file(tmp_path):
     changed = TrainConfig(**CHANGED)
-    assert schema.differing_fields(changed, TrainConfig()) == list(CHANGED)
+    assert schema.list_differing_fields(changed, TrainConfig()) == list(CHANGED)
     assert set(CHANGED) == {field.name for field in dataclasses.fields(TrainConfig)}
     config_files.save_config(tmp_path / "config.toml", changed, {"weights_origin": "none"})
     assert config_files.load_config(tmp_path / "config.toml") == changed
@@ -140,4 +140,4 @@ def test_the_words_of_the_configuration_are_those_of_the_registries():
 
 def test_defaults_are_the_recipe_of_the_shipped_area_network():
     shipped = config_files.load_config(PRETRAINED / "area" / "config.toml")
-    assert set(schema.differing_fields(shipped, TrainConfig())) <= {"weights", "checkpoint_every"}
+    assert set(schema.list_differing_fields(shipped, TrainConfig())) <= {"weights", "checkpoint_every"}

@@ -145,18 +145,18 @@ def test_effects_need_a_balanced_part_of_the_grid() -> None:
 
 def test_the_balanced_part_of_an_unfinished_grid_lacks_the_unfinished_levels() -> None:
     records = simulate_screening()
-    assert effects.balanced_part(records) == records
+    assert effects.select_balanced_part(records) == records
     unfinished = [
         record
         for record in records
         if record.point.optimizer != "nadam"
         and (record.point.optimizer != "sgd" or record.point.schedule == "linear")
     ]
-    part = effects.balanced_part(unfinished)
+    part = effects.select_balanced_part(unfinished)
     assert part == [record for record in records if record.point.optimizer not in ("nadam", "sgd")]
     assert effects.has_enough_factors(part)
-    assert not effects.has_enough_factors(effects.balanced_part(records[:7]))
-    assert effects.balanced_part([*records, records[0]]) == records
+    assert not effects.has_enough_factors(effects.select_balanced_part(records[:7]))
+    assert effects.select_balanced_part([*records, records[0]]) == records
 
 
 def simulate_finalists(behind: float, seeds: int = 3) -> list[TrialRecord]:
@@ -276,7 +276,7 @@ def test_a_search_is_replayed_on_the_grid() -> None:
     assert lowest.shape == (2, 40) and (np.diff(lowest, axis=1) <= 0).all()
     assert {float(value) for value in lowest.ravel()} <= {record.mre for record in records}
     pruned = [TrialRecord(0, POINTS[0], 0, 30.0, 1.0), TrialRecord(1, POINTS[1], 0, 5.0, 1.0, pruned_at=10)]
-    spent, running = search_cost.running_best(pruned, steps=40)
+    spent, running = search_cost.accumulate_lowest(pruned, steps=40)
     assert spent.tolist() == [40, 50] and running.tolist() == [30.0, 30.0]
 
 

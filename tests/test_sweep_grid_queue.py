@@ -66,7 +66,7 @@ def test_four_workers_complete_each_job_once(storage: str, log: Path) -> None:
     assert [worker.wait(120) for worker in workers] == [0] * 4
     assert count_starts(log) == {f"{number:04d}": 1 for number in range(60)}
     assert queue.count_by_state()[TrialState.COMPLETE] == sum(queue.count_by_state().values()) == 60
-    assert queue.expected_total() == 60 and not queue.given_up()
+    assert queue.expected_total() == 60 and not queue.list_given_up()
     for history in queue.job_histories().values():
         assert history.complete is not None and history.complete.values[0] == history.job.seed
     pids = {line.split()[2] for line in log.read_text().splitlines()}
@@ -99,7 +99,7 @@ def test_failures_are_recorded_with_their_reason_and_retried(storage: str, log: 
     assert reasons_of["slow_once"] == ["over its time limit of 1 s"]
     assert reasons_of["stuck_once"] == ["over its time limit of 1 s, and stuck"]
     assert reasons_of["dies_once"] == ["worker lost: no heartbeat for 3 s"]
-    given_up = queue.given_up()
+    given_up = queue.list_given_up()
     assert sorted(given_up) == [
         f"{n:04d}" for n, behaviour in enumerate(behaviours) if behaviour in always_failing
     ]
@@ -147,7 +147,7 @@ def test_a_job_that_was_queued_twice_runs_once(storage: str) -> None:
     claim = queue.claim()
     assert claim is not None and queue.claim() is None
     assert failure_reasons(queue, 0) == ["queued twice"]
-    assert queue.job_histories()["0000"].counted_failures == 0
+    assert queue.job_histories()["0000"].failure_count == 0
 
 
 def test_a_worker_releases_its_trial_on_sigterm_without_a_failure(storage: str, log: Path) -> None:
@@ -161,7 +161,7 @@ def test_a_worker_releases_its_trial_on_sigterm_without_a_failure(storage: str, 
     worker.send_signal(signal.SIGTERM)
     assert worker.wait(30) != 0
     history = queue.job_histories()["0000"]
-    assert history.waiting and history.counted_failures == 0
+    assert history.waiting and history.failure_count == 0
     assert failure_reasons(queue, 0) == ["stopped: KeyboardInterrupt"]
 
 

@@ -40,7 +40,7 @@ def test_it_runs_as_many_trials_as_asked_for_and_prunes(tmp_path: Path) -> None:
     run_trials(queue, fail_two_and_prune)
     counts = queue.count_by_state()
     assert counts[TrialState.FAIL] == 2 and counts[TrialState.COMPLETE] + counts[TrialState.PRUNED] == 40
-    assert counts[TrialState.PRUNED] >= 3 and queue.expected_total() == 40 and not queue.given_up()
+    assert counts[TrialState.PRUNED] >= 3 and queue.expected_total() == 40 and not queue.list_given_up()
     trials = queue.get_trials()
     assert {trial.user_attrs["seed"] for trial in trials} == {0}
     for trial in trials:

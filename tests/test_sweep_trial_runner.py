@@ -98,7 +98,7 @@ def test_it_trains_as_fit_does(shared: TrialRunner, tmp_path: Path) -> None:
     outcome, config = shared.run(NADAM, 0), BUDGET.config(NADAM, 0)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(loop, "_CALIBRATION_IMAGES", BUDGET.calibration)
-        stream = list(shared.data.training(NADAM.augmentations, 0))
+        stream = list(shared.data.iterate_batches(NADAM.augmentations, 0))
         run = loop.fit(
             config,
             tmp_path,
@@ -138,7 +138,7 @@ def test_an_epoch_has_every_image_once() -> None:
     data = TrainingData(BUDGET, threads=2, make_samples=make_discs)
 
     def stream(augmentations: tuple[str, ...], seed: int) -> np.ndarray:
-        return np.concatenate([images for images, _ in data.training(augmentations, seed)])
+        return np.concatenate([images for images, _ in data.iterate_batches(augmentations, seed)])
 
     first, repeated, other = stream((), 0), stream((), 0), stream((), 1)
     images = {image.tobytes() for image in data._images.numpy()}

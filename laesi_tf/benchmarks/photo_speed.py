@@ -52,8 +52,8 @@ def time_photos(estimator: Estimator, *, seed: int, size: tuple[int, int], repea
         "megapixels": size[0] * size[1] / 1e6,
         "photos": repeats,
         "methods": sorted(set(methods[1:])),
-        **{f"{name}_ms": spread.median for name, spread in summary.items()},
-        **{f"{name}_ms_iqr": spread.iqr for name, spread in summary.items()},
+        **{f"{name}_ms": measured.median for name, measured in summary.items()},
+        **{f"{name}_ms_iqr": measured.iqr for name, measured in summary.items()},
         **describe_hardware(),
     }
 
@@ -65,6 +65,7 @@ def _scene_size(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def format_table(metrics: Mapping[str, Any]) -> str:
+    """Format the medians and interquartile ranges of `time_photos`."""
     rows = [
         format_row(
             f"{name}, {metrics['megapixels']:.1f} megapixels, ms",

@@ -10,9 +10,8 @@ from collections.abc import Iterator
 
 
 def load_tensorflow() -> None:
-    """Import TensorFlow let it look for GPUs, and hide all messages but warnings."""
-    # The level alone does not silence seven lines about oneDNN and CUDA, which C++ code writes to descriptor
-    # 2.
+    """Import TensorFlow, let it look for GPUs, and hide all messages but warnings."""
+    # The level alone does not silence seven lines about oneDNN and CUDA, which C++ code writes to stderr.
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     with suppress_stderr():
         import tensorflow

@@ -101,7 +101,7 @@ def add_option_arguments(
         )
 
 
-def differing_fields(one: Any, other: Any) -> list[str]:
+def list_differing_fields(one: Any, other: Any) -> list[str]:
     """Return the names of the fields in which two instances of a dataclass differ."""
     names = [field.name for field in dataclasses.fields(one)]
     return [name for name in names if getattr(one, name) != getattr(other, name)]

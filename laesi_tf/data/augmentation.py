@@ -34,7 +34,8 @@ AUGMENTATIONS: dict[str, Augmentation] = {
 }
 """In the order in which they are applied: light, then the camera's pose, then its sensor.
 
-A function that is added here is known to `train --augment`.
+A function that is added here is known to `train --augment` once its name is also in `AUGMENTATION_NAMES` of
+`laesi_tf.training.config`, which must not import TensorFlow; a test compares the two.
 """
 
 PAPER_AUGMENTATIONS = ("brightness", "contrast", "hue", "saturation", "flip", "rotation90", "poisson")

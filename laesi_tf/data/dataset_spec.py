@@ -1,12 +1,13 @@
 """Describe a generated data set: how many samples, of which size, from which seed, in which shards."""
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.schema import list_differing_fields
 
 SPEC_FILE = "dataset.json"
 FORMATS = ("records", "folder")
@@ -47,10 +48,7 @@ def start_dataset(folder: Path, spec: DatasetSpec) -> None:
     """Write `spec` to `folder`, or continue the data set there. Raises InputError if it is another one."""
     path = folder / SPEC_FILE
     if path.is_file():
-        present = read_spec(folder)
-        names = [field.name for field in fields(DatasetSpec)]
-        differing = [name for name in names if getattr(present, name) != getattr(spec, name)]
-        if differing:
+        if differing := list_differing_fields(read_spec(folder), spec):
             raise InputError(
                 f"{folder} holds another data set, which differs in {', '.join(differing)}; "
                 "continue it as it was started or name another folder"

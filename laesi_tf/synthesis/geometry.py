@@ -48,8 +48,7 @@ def pixel_centres_to_sheet(to_px: tf.Tensor, size: ImageSize) -> tuple[tf.Tensor
 
 
 def signed_area(points: tf.Tensor) -> tf.Tensor:
-    """Return the signed area [...] of closed polygons [..., n, 2] (shoelace), positive if clockwise on
-    screen."""
+    """Return the shoelace area [...] of closed polygons [..., n, 2], positive if clockwise on screen."""
     x, y = tf.unstack(points, axis=-1)
     next_x, next_y = tf.unstack(_next_points(points), axis=-1)
     return 0.5 * tf.reduce_sum(x * next_y - y * next_x, axis=-1)

@@ -54,18 +54,20 @@ Value = TypeVar("Value")
 
 
 def interval(low: float, high: float) -> Any:
-    """Default of a field that is uniform between `low` and `high`. (Any: no static type is both Range and
-    Value.)"""
+    """Return the default of a field that is uniform between `low` and `high`.
+
+    Any, as in the functions below: no static type is both Range and Value.
+    """
     return low, high
 
 
 def probability(p: float) -> Any:
-    """Default of a field that is True with probability `p`."""
+    """Return the default of a field that is True with probability `p`."""
     return Probability(p)
 
 
 def constant(value: float) -> Any:
-    """Default of a field that is always `value`."""
+    """Return the default of a field that is always `value`."""
     return value
 
 

@@ -80,7 +80,7 @@ class Ranges:
         is_never_present = getattr(self.props, component, None) == Probability(0.0)
         return component not in self.without and not is_never_present
 
-    def enabled_components(self) -> tuple[str, ...]:
+    def list_enabled_components(self) -> tuple[str, ...]:
         """Return the components that images may contain, in compositing order."""
         return tuple(name for name in COMPONENTS if self.has(name))
 
@@ -117,7 +117,7 @@ def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) 
     were.
     """
     index = tf.cast(index, tf.int64)
-    components = ranges.enabled_components()
+    components = ranges.list_enabled_components()
     streams = RandomStreams(seed, index // ranges.lighting_passes)
     weights, kinds = zip(*ranges.leaf.values(), strict=True)
     kind = _choose_kind(weights, streams.uniform([], Stream.LEAF_KIND))

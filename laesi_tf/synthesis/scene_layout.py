@@ -61,8 +61,7 @@ def compute_layout(
 ) -> SceneLayout:
     """Place the leaf on the sheet and point the camera at it.
 
-    `hole_numbers` [k, 8] are uniform in [0, 1), `size` [2] is the image's height and width in
-    pixels.
+    `hole_numbers` [k, 8] are uniform in [0, 1), `size` [2] is the image's height and width in pixels.
     """
     outline, holes = interpolate_at(*curve), hole_outlines(leaf, hole_numbers)
     cosine, sine = tf.cos(leaf.angle), tf.sin(leaf.angle)

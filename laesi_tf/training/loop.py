@@ -161,6 +161,7 @@ class TrainingLoop:
 
     @property
     def is_finished(self) -> bool:
+        """Whether all steps are done, or validations no longer improve."""
         out_of_patience = 0 < self.config.patience <= self.progress.stale
         return self.progress.step >= self.config.steps or out_of_patience
 
@@ -199,7 +200,7 @@ class TrainingLoop:
                     raise KeyboardInterrupt
                 step_started = time.monotonic()
         except TrainingDiverged as error:
-            raise self._diverged(str(error)) from None
+            raise self._add_advice(str(error)) from None
         raise ValueError(f"the training stream ended after {progress.step} of {self.config.steps} steps")
 
     def _count(self, step: TrainedStep, started: float | None) -> None:
@@ -281,7 +282,7 @@ class TrainingLoop:
         batches = (images for images, _ in itertools.islice(self.stream(0), count))
         return batch_norm.calibration_batches(batches, _CALIBRATION_IMAGES)
 
-    def _diverged(self, reason: str) -> TrainingDiverged:
+    def _add_advice(self, reason: str) -> TrainingDiverged:
         rate = learning_rate_at(self.progress.step, self.config)
         return TrainingDiverged(
             f"{reason}, learning rate {rate:.3g}; start again with a lower --learning-rate in another --out "

@@ -25,7 +25,7 @@ from laesi_tf.common.run_files import (
     RANGES_FILE,
     STATE_FILE,
 )
-from laesi_tf.common.schema import differing_fields, read_toml
+from laesi_tf.common.schema import list_differing_fields, read_toml
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.config_files import PROVENANCE, load_config, save_config
 from laesi_tf.training.provenance import collect_provenance
@@ -82,7 +82,7 @@ def check_run_directory(path: Path, config: TrainConfig) -> str | None:
             raise InputError(f"{path} is neither empty nor a run directory; choose another --out")
         return None
     earlier = load_config(path / CONFIG_FILE)
-    names = differing_fields(earlier, config)
+    names = list_differing_fields(earlier, config)
     if names == ["steps"] and config.steps > earlier.steps:
         if config.schedule != "constant":
             raise InputError(

@@ -58,7 +58,7 @@ class EffectModel:
     residual: float
 
 
-def balanced_part(records: Sequence[TrialRecord]) -> list[TrialRecord]:
+def select_balanced_part(records: Sequence[TrialRecord]) -> list[TrialRecord]:
     """Return the trials of a full factorial within `records`: all of them if the grid is complete.
 
     The level that misses the largest share of its combinations is removed until none is missing.

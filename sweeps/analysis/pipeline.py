@@ -84,7 +84,7 @@ def analyse(tables: Mapping[str, list[TrialRecord]], out: Path, *, replays: int)
 
 
 def _analyse_screening(report: _Report, screened: Sequence[TrialRecord], out: Path) -> None:
-    part = effects.balanced_part(screened)
+    part = effects.select_balanced_part(screened)
     model = effects.estimate_effects(part) if effects.has_enough_factors(part) else None
     report.figures["missing_points"] = len(POINTS) - len({record.number for record in screened})
     report.lines += screening_findings.describe_screening(screened, part, model)
@@ -150,7 +150,7 @@ def _analyse_search_cost(
     errors = np.array([record.mre for record in screened])
     random = search_cost.random_search_quantiles(errors, _SEARCH_TRIALS, _QUANTILES)
     tpe = search_cost.replay_tpe(screened, _SEARCH_TRIALS, replays)
-    pruned = search_cost.running_best(search, steps) if search else None
+    pruned = search_cost.accumulate_lowest(search, steps) if search else None
     charts.plot_search_cost(out / "spending.png", random, tpe, pruned, steps=steps)
     report.charts.append("spending.png")
     report.lines += findings.describe_search_cost(random, tpe, pruned, steps)

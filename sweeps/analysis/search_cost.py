@@ -43,7 +43,7 @@ def replay_tpe(records: Sequence[TrialRecord], count: int, replays: int) -> np.n
     return lowest
 
 
-def running_best(records: Sequence[TrialRecord], steps: int) -> tuple[np.ndarray, np.ndarray]:
+def accumulate_lowest(records: Sequence[TrialRecord], steps: int) -> tuple[np.ndarray, np.ndarray]:
     """Return, after each trial of a search, the steps spent [N] and the lowest error of complete trials [N].
 
     `steps` are those of a complete trial.

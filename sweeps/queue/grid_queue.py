@@ -35,7 +35,7 @@ class JobHistory:
     failed: list[FrozenTrial] = field(default_factory=list)
 
     @property
-    def counted_failures(self) -> int:
+    def failure_count(self) -> int:
         """Failures that count against the job; a user who stops the worker does not."""
         return sum(trial.user_attrs.get(COUNTS, True) for trial in self.failed)
 
@@ -104,7 +104,7 @@ class GridQueue(TrialQueue):
         """Return how many jobs the study has."""
         return len(self.job_histories())
 
-    def given_up(self) -> dict[str, list[str]]:
+    def list_given_up(self) -> dict[str, list[str]]:
         """Return the reasons of each job that failed too often to be retried, by the job's name."""
         return {
             name: [trial.user_attrs.get(REASON, "") for trial in history.failed]
@@ -133,7 +133,7 @@ class GridQueue(TrialQueue):
             # Optuna repeats the creation of a trial whose connection broke, even if it had succeeded.
             for trial in history.waiting[0 if is_under_way else 1 :]:
                 self._fail_trial(optuna_adapter.trial_id(trial), "queued twice", counts=False)
-            if history.needs_trial and history.counted_failures <= self.storage.policy.retries:
+            if history.needs_trial and history.failure_count <= self.storage.policy.retries:
                 self._queue_job(history.job)
 
     def _queue_job(self, job: Job) -> None:

@@ -80,7 +80,7 @@ class TrialQueue(abc.ABC):
     def expected_total(self) -> int:
         """Return how many trials complete or are pruned if none is given up."""
 
-    def given_up(self) -> dict[str, list[str]]:
+    def list_given_up(self) -> dict[str, list[str]]:
         """Return the reasons of each job that failed too often to be retried, by the job's name."""
         return {}
 

@@ -47,7 +47,7 @@ class TrainingData:
         self._seed = tf.Variable(0, dtype=tf.int64)
         self._batches = self._make_pipeline(budget, threads)
 
-    def training(self, augmentations: tuple[str, ...], seed: int) -> Iterator[Batch]:
+    def iterate_batches(self, augmentations: tuple[str, ...], seed: int) -> Iterator[Batch]:
         """Iterate over the batches of a trial, one per step; one trial at a time."""
         self._augmentations.assign(augmentation.augmentation_flags(augmentations))
         self._seed.assign(seed)

@@ -87,7 +87,7 @@ class TrialRunner:
         losses: list[float] = []
         calibration: list[tf.Tensor] = []
         started, started_cpu = time.perf_counter(), time.process_time()
-        batches = _check_before_each(self.data.training(point.augmentations, seed), check_timeout)
+        batches = _check_before_each(self.data.iterate_batches(point.augmentations, seed), check_timeout)
         for step in train_steps(trainer, batches):
             losses.append(step.loss)
             if len(calibration) * self.budget.batch_size < self.budget.calibration:
@@ -149,7 +149,7 @@ class TrialRunner:
 
     def _trace(self, trainer: Trainer) -> None:
         """Run one step and one evaluation, so that both are compiled."""
-        images, target = next(self.data.training((), 0))
+        images, target = next(self.data.iterate_batches((), 0))
         trainer.train_step(images, target)
         self._evaluate(trainer, [images] * -(-self.budget.calibration // len(images)))
 

@@ -99,14 +99,14 @@ def _convolve(image: tf.Tensor, taps: list[tf.Tensor], *, axis: int) -> tf.Tenso
     # Repeating the border by hand: tf.pad's mirror modes cost more than the convolution.
     padded = tf.concat([first, image, last], axis=axis)
 
-    def shifted(offset: int) -> tf.Tensor:
+    def shift(offset: int) -> tf.Tensor:
         window = [slice(None)] * image.shape.rank
         window[axis] = slice(reach + offset, reach + offset + length)
         return padded[tuple(window)]
 
-    result = shifted(0) * taps[0]
+    result = shift(0) * taps[0]
     for offset in range(1, reach + 1):
-        result += (shifted(offset) + shifted(-offset)) * taps[offset]
+        result += (shift(offset) + shift(-offset)) * taps[offset]
     return result
 
 

@@ -69,7 +69,7 @@ def pinhole_homography(
     """Return the homography [3, 3] of a tilted pinhole camera `distance` mm above the origin.
 
     The axis of the tilt lies in the sheet. `tilt`, its `direction` and `roll` about the optical axis are
-    radians; `scale` is px/mm at the     origin.
+    radians; `scale` is px/mm at the origin.
     """
     foreshortening = (
         tf.eye(3) + (tf.cos(tilt) - 1) * _unit_matrix(1, 1) + tf.sin(tilt) / distance * _unit_matrix(2, 1)

@@ -142,11 +142,11 @@ def bend_along_midrib(leaf: LeafParams[Scalar], along: tf.Tensor, across: tf.Ten
 
 
 def midrib(leaf: LeafParams[Scalar], along: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Return points and unit tangents [..., 2] of the midrib `along` mm from the base; the petiole has its
-    own bend.
+    """Return points and unit tangents [..., 2] of the midrib `along` mm from the base.
 
-    The heading is a t + b t^2 (t in blade lengths); its integral is expanded to third order, which is within
-    1 % of the length at the ends of the ranges: that affects the shape, not the label.
+    The petiole has its own bend. The heading is a t + b t^2 (t in blade lengths); its integral is expanded to
+    third order, which is within 1 % of the length at the ends of the ranges: that affects the shape, not the
+    label.
     """
     t = along / leaf.length_mm
     change = leaf.bend * leaf.bend_change

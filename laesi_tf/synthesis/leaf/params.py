@@ -9,8 +9,10 @@ from laesi_tf.synthesis.ranges import Range, Value, constant, interval, probabil
 
 @dataclass(frozen=True)
 class LeafParams(Generic[Value]):
-    """One kind of leaf. Lengths are fractions of the blade's length unless the name says mm; angles are
-    radians."""
+    """One kind of leaf.
+
+    Lengths are fractions of the blade's length unless the name says mm; angles are radians.
+    """
 
     length_mm: Value = interval(35, 140)
     aspect: Value = interval(0.3, 0.75)

@@ -41,10 +41,9 @@ def vein_edges(
 def secondary_paths(
     leaf: LeafParams[Scalar], turtle_noise: tf.Tensor, jitter: tf.Tensor
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Return the paths [2, n, SECONDARY_STEPS + 1, 2] mm of secondary veins, and whether each exists (1 or
-    0).
+    """Return the paths [2, n, SECONDARY_STEPS + 1, 2] mm of secondary veins, and 1 for each that exists.
 
-    `turtle_noise` [2, n, SECONDARY_STEPS + 2] is standard normal.
+    The others have 0. `turtle_noise` [2, n, SECONDARY_STEPS + 2] is standard normal.
     """
     rank = (tf.range(turtle_noise.shape[1], dtype=tf.float32) + 0.6) / leaf.veins
     along = rank * 0.93 + 0.012 * turtle_noise[..., 0]
@@ -63,11 +62,10 @@ def secondary_paths(
 
 
 def walk_turtles(start: tf.Tensor, heading: tf.Tensor, turns: tf.Tensor, steps: tf.Tensor) -> tf.Tensor:
-    """Walk turtles through their commands [..., n] and return their paths [..., n + 1, 2] in the unit of
-    `steps`.
+    """Walk turtles through their commands [..., n]; return their paths [..., n + 1, 2].
 
     Each command turns the turtle by `turns` [..., n] radians, then moves it `steps` [..., n] forward; it
-    starts at `start` [..., 2] with the given `heading` [...].
+    starts at `start` [..., 2] with the given `heading` [...]. Paths are in the unit of `steps`.
     """
     direction = heading[..., None] + tf.cumsum(turns, axis=-1)
     moves = steps[..., None] * tf.stack([tf.cos(direction), tf.sin(direction)], axis=-1)

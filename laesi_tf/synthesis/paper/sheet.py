@@ -41,8 +41,8 @@ def paint_sheet_and_desk(
 ) -> tf.Tensor:
     """Paint the sheet, and the desk where the sheet ends: [3, H, W].
 
-    `outline` [n, 2] is the leaf's in sheet mm; `ruling_cells` int32 [2,
-    H, W] come from `compute_ruling_cells`, None without a ruling.
+    `outline` [n, 2] is the leaf's in sheet mm; `ruling_cells` int32 [2, H, W] come from
+    `compute_ruling_cells`, None without a ruling.
     """
     colour, shade, ink_strength, coverage = sheet_colour(paper), tf.ones(size), None, None
     if "paper_noise" in components:
@@ -82,8 +82,7 @@ def paint_sheet_and_desk(
 def paper_noise(
     paper: PaperParams[Scalar], grids: SheetNoiseGrids, size: ImageSize
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Return the blended noise L of the paper's section 3.1, and the relative strength of the ink: both [H,
-    W]."""
+    """Return the blended noise L of the paper's section 3.1 and the ink's relative strength, [H, W] each."""
     fields = (
         noise.gradient_noise(grids.gradients * 2 - 1, size, cells=paper.gradient_cells),
         noise.voronoi_noise(grids.jitter, size, cells=paper.voronoi_cells),

@@ -105,9 +105,8 @@ def _shape_edges(shape: PropShape, context: PropContext, max_side: int) -> tf.Te
 def _window_around(low: tf.Tensor, high: tf.Tensor, image_wh: tf.Tensor) -> Window:
     """Return the window around the box from `low` [2] to `high` [2], (x, y) in pixels.
 
-    `image_wh` [2] is the image's width and height in pixels.
-    Its sides are multiples of 32 where the image is large enough: libraries that compile a kernel for each
-    shape then meet few shapes.
+    `image_wh` [2] is the image's width and height in pixels. The window's sides are multiples of 32 where the
+    image is large enough: libraries that compile a kernel for each shape then meet few shapes.
     """
     sides = tf.cast(image_wh, tf.int32)
     corner = tf.clip_by_value(tf.cast(tf.floor(low), tf.int32), 0, sides - 1)
