@@ -8,68 +8,69 @@ import argparse
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.data.manifest import read_manifest
-from laesi_tf.reporting.captions import make_contact_sheet
-from laesi_tf.reporting.overlay import write_png
-from laesi_tf.reporting.scene_tiles import (
-    COLUMNS,
-    PASSES,
-    component_tiles,
-    lighting_tiles,
-    mask_tiles,
-    photo_tiles,
-    render_scenes,
-    scene_tiles,
-)
-from laesi_tf.synthesis import Ranges, load_ranges
-from laesi_tf.synthesis.ranges_toml import ranges_to_toml
+
+if TYPE_CHECKING:
+    from laesi_tf.synthesis import Ranges
 
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError for unknown ranges, a bad manifest or a folder it cannot write."""
-    options = _parser().parse_args(arguments)
+    options = _make_parser().parse_args(arguments)
+    photos = read_manifest(options.photos) if options.photos else []
+    load_tensorflow()
+    from laesi_tf.reporting import scene_tiles
+    from laesi_tf.reporting.captions import make_contact_sheet
+    from laesi_tf.reporting.overlay import write_png
+    from laesi_tf.synthesis import load_ranges
+
     ranges = load_ranges(options.ranges)
     if options.print_ranges:
         _print_ranges(ranges, options.json)
         return
-    photos = read_manifest(options.photos) if options.photos else []
-    for path in (options.out / "scenes.png", options.json):
-        if path is not None:
-            require_writable(path)
-    scenes = render_scenes(ranges, seed=options.seed, count=options.count, size=options.size)
+    require_writable(options.out / "scenes.png")
+    seed, size = options.seed, options.size
+    scenes = scene_tiles.render_scenes(ranges, seed=seed, count=options.count, size=size)
+    photos_shown = photos[: scene_tiles.COLUMNS]
     sheets = {
-        "scenes.png": [*photo_tiles(photos[:COLUMNS], options.size), *scene_tiles(scenes)],
-        "components.png": component_tiles(ranges, seed=options.seed, size=options.size),
-        "passes.png": lighting_tiles(ranges, seed=options.seed, size=options.size),
-        "masks.png": mask_tiles(scenes),
+        "scenes.png": [*scene_tiles.photo_tiles(photos_shown, size), *scene_tiles.scene_tiles(scenes)],
+        "components.png": scene_tiles.component_tiles(ranges, seed=seed, size=size),
+        "passes.png": scene_tiles.lighting_tiles(ranges, seed=seed, size=size),
+        "masks.png": scene_tiles.mask_tiles(scenes),
     }
-    columns = {"passes.png": PASSES}
+    columns = {"passes.png": scene_tiles.PASSES}
     for name, tiles in sheets.items():
-        write_png(options.out / name, make_contact_sheet(tiles, columns=columns.get(name, COLUMNS)))
+        write_png(
+            options.out / name, make_contact_sheet(tiles, columns=columns.get(name, scene_tiles.COLUMNS))
+        )
     files = [str(options.out / name) for name in sheets]
     if options.json is not None:
         write_json(options.json, {"files": files, "scenes": [scene.label for scene in scenes]})
     print("\n".join(files))
 
 
-def _print_ranges(ranges: Ranges, json_path: Path | None) -> None:
+def _print_ranges(ranges: "Ranges", json_path: Path | None) -> None:
+    from laesi_tf.synthesis.ranges_toml import ranges_to_toml
+
     text = ranges_to_toml(ranges)
     if json_path is not None:
         write_json(json_path, tomllib.loads(text))
     print(text, end="")
 
 
-def _parser() -> argparse.ArgumentParser:
+def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("preview", __doc__)
     parser.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges of the scenes")
     parser.add_argument("--seed", type=int, default=0, help="seed of the scenes")
-    parser.add_argument("--count", type=_count_argument, default=24, metavar="N", help="number of scenes")
+    parser.add_argument("--count", type=_parse_count, default=24, metavar="N", help="number of scenes")
     parser.add_argument(
-        "--size", type=_side_argument, default=384, metavar="PX", help="side of an image in pixels"
+        "--size", type=_parse_side, default=384, metavar="PX", help="side of an image in pixels"
     )
     parser.add_argument(
         "--photos", type=Path, metavar="CSV", help="manifest whose first photos are shown as well"
@@ -81,13 +82,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _count_argument(text: str) -> int:
+def _parse_count(text: str) -> int:
     if not text.isdigit() or not 1 <= int(text) <= 10_000:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 10000")
     return int(text)
 
 
-def _side_argument(text: str) -> int:
+def _parse_side(text: str) -> int:
     if not text.isdigit() or not 32 <= int(text) <= 4096:
         raise argparse.ArgumentTypeError(f"{text!r} is not a side between 32 and 4096 pixels")
     return int(text)
