@@ -38,8 +38,8 @@ def simple(tmp_path: Path) -> Path:
 def test_sheets_and_their_labels(simple: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     arguments = ["--ranges", str(simple), "--count", "7", "--size", "64", "--out", str(out)]
-    preview.main([*arguments, "--json", str(out / "a.json")])
-    report = json.loads((out / "a.json").read_text())
+    preview.main([*arguments, "--json", str(tmp_path / "a.json")])
+    report = json.loads((tmp_path / "a.json").read_text())
     assert report["files"] == [str(out / name) for name in SHEETS] == capsys.readouterr().out.split()
     for name, columns, rows in zip(SHEETS, (6, 3, 4, 6), (2, 1, 1, 2), strict=True):
         with Image.open(out / name) as sheet:

@@ -1,4 +1,7 @@
-"""The base class of the queues that workers share: claims, results and counts of a study's trials."""
+"""The base class of the queues that workers share: claims, results and counts of a study's trials.
+
+`GridQueue` queues the jobs of failed and lost trials again; `TpeQueue` proposes new trials in their place.
+"""
 
 import abc
 import time
