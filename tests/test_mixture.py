@@ -64,7 +64,7 @@ Write = Callable[[str], Path]
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
     """A folder with a data set, three photos, ranges with few components, and the mixture to write."""
-    (tmp_path / "simple.toml").write_text(f"without = {sorted(only('ruling').without)}\n")
+    (tmp_path / "simple.toml").write_text(f"without = {sorted(only('surface').without)}\n")
     write_dataset(tmp_path / "dataset")
     rows = ["image,area_cm2,mask,split"]
     for number in range(3):
