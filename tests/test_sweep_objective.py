@@ -74,7 +74,7 @@ def test_a_divergence_is_recorded_and_retried_with_another_seed(
 ) -> None:
     queue = GridQueue(open_storage(tmp_path), "grid", FACTORS)
     queue.enqueue(job_selection.select_points(NUMBERS[:1]))
-    clean, seeds = shared.data.training, []
+    clean, seeds = shared.data.iterate_batches, []
 
     def diverge_with_seed_0(augmentations: tuple[str, ...], seed: int) -> Iterator[Batch]:
         seeds.append(seed)
@@ -82,7 +82,7 @@ def test_a_divergence_is_recorded_and_retried_with_another_seed(
             yield images, target * (np.nan if seed == 0 else 1.0)
 
     shared.prepare(POINTS[NUMBERS[0]], 0)
-    monkeypatch.setattr(shared.data, "training", diverge_with_seed_0)
+    monkeypatch.setattr(shared.data, "iterate_batches", diverge_with_seed_0)
     run_trials(queue, TrainingObjective(shared, queue, tmp_path))
     (history,) = queue.job_histories().values()
     assert [trial.user_attrs["reason"] for trial in history.failed] == [

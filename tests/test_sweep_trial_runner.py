@@ -66,14 +66,14 @@ def test_a_diverged_trial_does_not_affect_the_next(
     shared: TrialRunner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = run_exactly(shared, PLAIN)
-    clean = shared.data.training
+    clean = shared.data.iterate_batches
 
     def diverge_at_step_3(augmentations: tuple[str, ...], seed: int) -> Iterator[Batch]:
         for step, (images, target) in enumerate(clean(augmentations, seed)):
             yield images, target * (np.nan if step == 2 else 1.0)
 
     with monkeypatch.context() as patched:
-        patched.setattr(shared.data, "training", diverge_at_step_3)
+        patched.setattr(shared.data, "iterate_batches", diverge_at_step_3)
         with pytest.raises(TrainingDiverged, match="nan at step 3"):
             shared.run(PLAIN, 0)
     assert run_exactly(shared, PLAIN) == before
