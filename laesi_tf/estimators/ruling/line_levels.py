@@ -1,0 +1,187 @@
+"""Ask the whole sheet which lines are printed: finer ones than the fitted, and every which one is heavier.
+
+Once the sheet is fitted, every window knows the phase of any wave of the print, whatever its order. Adding
+the windows' amplitudes in phase raises a wave that is printed above the noise by the number of windows and
+averages out what is not, so that millimetre lines are found that no single window shows.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.estimators.ruling.spectra import Windows, measure_waves
+
+
+@dataclass(frozen=True)
+class LevelParameters:
+    """Set on 28 November 2026 on `rendered` (split develop), `cases` and every ninth photo of semireal's
+    train."""
+
+    excess: float = 0.45
+    """ln of a wave's amplitude over what its neighbours make one expect, mean of both families, from which
+    finer lines are printed. Lines of a tenth of the heavy ones' ink give 0.44 at order 5."""
+    clear: float = 4.0
+    """A coherent amplitude over its standard error, at which the wave is there."""
+    excluded: float = 0.3
+    """Standard error over the expected amplitude, below which finer lines are excluded where they have no
+    excess."""
+    heavy: float = 8.0
+    """Mean power over its standard error of the waves that heavier lines make; 1 on average without any, and
+    up to 5 where few windows overlap much."""
+    harmonic: float = 20.0
+    """The same for one family's waves at quarters or sixths, from which it is taken to be fitted to a
+    harmonic."""
+    highest: float = 0.47
+    """Highest frequency, periods per pixel, that is asked."""
+
+
+PARAMETERS = LevelParameters()
+FINER = (2, 5, 10)
+_ORDERS = np.arange(1, 13, dtype=np.float32)
+_TENTHS = np.array([3, 7, 9, 11], np.float32) / 10
+_FIFTHS = np.array([2, 4, 6, 8, 12], np.float32) / 10
+_HALVES = np.array([5, 15], np.float32) / 10
+_QUARTERS = np.array([1, 3, 5], np.float32) / 4
+_SIXTHS = np.array([1, 2, 4, 5, 7], np.float32) / 6
+
+
+class CoherentSum(NamedTuple):
+    """Mean complex amplitudes over all windows, [2 families, K] each."""
+
+    real: tf.Tensor
+    imaginary: tf.Tensor
+    error: tf.Tensor
+    """Standard error of the mean, from the windows' scatter."""
+    reachable: tf.Tensor
+    """bool, the frequency lies below the highest that is asked, in most windows."""
+
+    @property
+    def amplitude(self) -> tf.Tensor:
+        """[2, K]."""
+        return tf.sqrt(self.real**2 + self.imaginary**2 + 1e-12)
+
+
+class FinerLines(NamedTuple):
+    """What is printed between the fitted lines."""
+
+    factor: tf.Tensor
+    """1, 2, 5 or 10: how many times finer lines are printed, float scalar."""
+    excess: tf.Tensor
+    """[3], of orders 2, 5 and 10: ln of amplitude over expectation, mean of the families."""
+    excluded: tf.Tensor
+    """bool [3]: finer lines of that order would have been seen."""
+
+
+class HeavierLines(NamedTuple):
+    """bool scalars: every n-th line is heavier."""
+
+    second: tf.Tensor
+    fourth: tf.Tensor
+    fifth: tf.Tensor
+    tenth: tf.Tensor
+    strength: tf.Tensor
+    """[5, 2 families], mean power over its standard error of waves at tenths, fifths, halves, quarters and
+    sixths."""
+    factors: tf.Tensor
+    """[2], by which the families' own finest lines are finer than the fitted: 1, or 5/4 or 5/6."""
+
+
+def sum_in_phase(windows: Windows, predicted: tf.Tensor, ratios: np.ndarray) -> CoherentSum:
+    """Add the windows' waves at `ratios` [K] of the fitted waves, `predicted` [N, 2, 3], turned to a common
+    phase."""
+    count = len(ratios)
+    frequency = predicted[:, :, None, :2] * ratios[:, None]
+    waves = measure_waves(windows.ink, tf.reshape(frequency, [-1, 2 * count, 2]))
+    turn = -2 * np.pi * tf.reshape(predicted[:, :, None, 2] * ratios, [-1, 2 * count])
+    real = waves.real * tf.cos(turn) - waves.imaginary * tf.sin(turn)
+    imaginary = waves.real * tf.sin(turn) + waves.imaginary * tf.cos(turn)
+    length = tf.norm(tf.reshape(frequency, [-1, 2 * count, 2]), axis=-1)
+    inside = tf.cast(length < PARAMETERS.highest, tf.float32)
+    loudness = tf.sqrt(tf.reduce_mean(windows.ink**2, [1, 2]) + 1e-9)
+    weight = (windows.weights / loudness)[:, None] * inside
+    total = tf.reduce_sum(weight, 0) + 1e-9
+    mean_re, mean_im = (tf.reduce_sum(weight * part, 0) / total for part in (real, imaginary))
+    scatter = tf.reduce_sum(weight**2 * ((real - mean_re) ** 2 + (imaginary - mean_im) ** 2), 0)
+    number = tf.reduce_sum(tf.sign(windows.weights))
+    seen = tf.reduce_sum(inside * tf.sign(windows.weights)[:, None], 0)
+    real, imaginary, error, seen = (
+        tf.reshape(part, [2, count]) for part in (mean_re, mean_im, tf.sqrt(scatter) / total, seen)
+    )
+    return CoherentSum(real, imaginary, error, seen > 0.6 * number)
+
+
+def find_finer(windows: Windows, predicted: tf.Tensor) -> FinerLines:
+    """Whether the 2nd, 5th or 10th wave stands out of the fitted lines' own harmonics.
+
+    Sharp heavy lines have waves of all orders, whose strength falls smoothly with the order; lines in between
+    add to every second, fifth or tenth only.
+    """
+    sums = sum_in_phase(windows, predicted, _ORDERS)
+    amplitude = tf.maximum(sums.amplitude, sums.error)
+    log = tf.math.log(amplitude)
+
+    def at(order: int) -> tf.Tensor:
+        return log[:, order - 1]
+
+    squares = 0.625 * at(1) + 0.375 * at(3)
+    fifth = tf.maximum((4 * (at(4) + at(6)) - at(3) - at(7)) / 6, _mean_by_square(at(4), at(6), 4, 5, 6))
+    tenth = tf.maximum((4 * (at(9) + at(11)) - at(8) - at(12)) / 6, _mean_by_square(at(8), at(12), 8, 10, 12))
+    expected = tf.stack([squares, fifth, tenth], 1)
+    places = np.array(FINER) - 1
+    here = tf.gather(log, places, axis=1)
+    beside = tf.stack([at(3), tf.maximum(at(4), at(6)), tf.maximum(at(9), at(11))], 1)
+    clear = tf.gather(amplitude / sums.error, places, axis=1) > PARAMETERS.clear
+    # A wave is judged by its neighbours only where the next higher one can be measured as well.
+    reachable = tf.gather(sums.reachable, places + 1, axis=1)
+    excess = tf.reduce_mean(here - expected, 0)
+    stands = tf.reduce_all(clear & reachable & (here - beside > -0.25) & (here - expected > 0.1), 0)
+    found = stands & (excess > PARAMETERS.excess)
+    # Lines at fifths make a tenth wave as well; lines at tenths of which every fifth is heavier make no
+    # fifth wave.
+    found = found & ~tf.stack([False, False, found[1] & ~found[0]])
+    factors = tf.where(found, tf.constant(FINER, tf.float32), 1.0)
+    error = tf.gather(sums.error, places, axis=1) / tf.exp(expected)
+    excluded = tf.reduce_all(reachable & (error < PARAMETERS.excluded), 0) & (excess < PARAMETERS.excess)
+    return FinerLines(tf.reduce_max(factors), excess, excluded)
+
+
+def _mean_by_square(low: tf.Tensor, high: tf.Tensor, below: int, order: int, above: int) -> tf.Tensor:
+    """Logarithms at orders `below` and `above`, interpolated to `order` as of a Gaussian blur."""
+    share = (order**2 - below**2) / (above**2 - below**2)
+    return (1 - share) * low + share * high
+
+
+def find_heavier(windows: Windows, predicted: tf.Tensor) -> HeavierLines:
+    """Which of the fitted lines are heavier, and whether they are the finest at all.
+
+    Heavier lines make waves between the fitted ones. Doubled heavy fives can be stronger at 4/5 or 6/5 of the
+    finest wave than the finest itself, and the fit of one family may then hold on to those: that family alone
+    shows waves at quarters or sixths, and has none at fifths.
+    """
+    groups = [_TENTHS, _FIFTHS, _HALVES, _QUARTERS, _SIXTHS]
+    sums = sum_in_phase(windows, predicted, np.concatenate(groups))
+    signal = (sums.real**2 + sums.imaginary**2) / (sums.error**2 + 1e-9) * tf.cast(sums.reachable, tf.float32)
+    parts = tf.split(signal, [len(group) for group in groups], axis=1)
+    strength = tf.stack([tf.reduce_mean(part, 1) for part in parts])
+    p = PARAMETERS
+    there = (tf.reduce_mean(strength, 1) > p.heavy) & (tf.reduce_min(strength, 1) > p.heavy / 2)
+    _, fifths, _, quarters, sixths = tf.unstack(strength)
+    wins = fifths[::-1] > p.heavy / 2
+    is_quarter = (quarters > p.harmonic) & (fifths < 0.25 * quarters) & wins
+    is_sixth = (sixths > p.harmonic) & (fifths < 0.25 * sixths) & wins & ~is_quarter
+    factors = tf.where(is_quarter, 1.25, tf.where(is_sixth, 5 / 6, 1.0))
+    share = tf.reduce_mean(sums.amplitude, 0)
+    tenth_share, fifth_share = (
+        tf.reduce_mean(part) for part in tf.split(share[:9], [len(_TENTHS), len(_FIFTHS)])
+    )
+    tenth = there[0]
+    return HeavierLines(
+        second=there[2] & ~tenth & ~there[1] & ~there[3],
+        fourth=there[3] & ~there[1] & ~tenth,
+        fifth=there[1] & (~tenth | (fifth_share > 1.25 * tenth_share)),
+        tenth=tenth,
+        strength=strength,
+        factors=factors,
+    )

@@ -1,0 +1,116 @@
+"""Read the ruling of a photo from the network's answers: votes, windows, spectra, fit, as one TensorFlow
+function."""
+
+from typing import NamedTuple
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.estimators.ruling.line_levels import FinerLines, HeavierLines, find_finer, find_heavier
+from laesi_tf.estimators.ruling.sheet_fit import SheetFit, fit_phases, fit_sheet
+from laesi_tf.estimators.ruling.sheet_model import COUNT
+from laesi_tf.estimators.ruling.sheet_waves import predict_waves, window_points
+from laesi_tf.estimators.ruling.spectra import (
+    SIDE,
+    Windows,
+    build_pyramid,
+    compute_power,
+    cut_windows,
+    extract_ink,
+    find_families,
+    find_peaks,
+    measure_noise,
+)
+from laesi_tf.estimators.ruling.votes import Votes, choose_windows, collect_votes
+from laesi_tf.models.ruling_cells import CELL_PX, LEVELS, CellAnswers
+
+WINDOWS = 32
+_GRID = np.stack(np.meshgrid(*[np.arange(4, SIDE, 8, dtype=np.float32) - SIDE / 2] * 2), -1)
+"""[16, 16, 2], places in a window, pixels from its middle."""
+_COARSEST_PX = 10.0
+"""Windows are cut at the finest level whose period is at most this, so that it is 5 to 10 pixels."""
+_ROOM_PX = 256
+"""The photo's shorter side has at least this many pixels at the windows' level."""
+
+
+class Reading(NamedTuple):
+    """What the lines of a photo say."""
+
+    votes: Votes
+    fit: SheetFit
+    """In periods of the finest lines that were found."""
+    finer: FinerLines
+    """Relative to the lines that the cells voted for; the fit contains the factor already."""
+    heavier: HeavierLines
+
+
+def choose_level(period: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
+    """The pyramid level, int scalar, at which to measure lines of `period` frame pixels in a photo of `size`
+    [2]."""
+    level = tf.math.ceil(tf.math.log(period / _COARSEST_PX) / tf.math.log(2.0))
+    room = tf.floor(tf.math.log(tf.reduce_min(size) / _ROOM_PX) / tf.math.log(2.0))
+    return tf.cast(tf.clip_by_value(tf.minimum(level, room), 0.0, LEVELS - 1.0), tf.int32)
+
+
+def sample_cells(field: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
+    """`field` [C, C] of the frame's cells at `points` [..., 2] in frame pixels, nearest cell."""
+    side = field.shape[0]
+    cell = tf.cast(tf.clip_by_value(points / CELL_PX, 0.0, side - 1.0), tf.int32)
+    return tf.gather(tf.reshape(field, [-1]), cell[..., 1] * side + cell[..., 0])
+
+
+def prepare_windows(pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, level: tf.Tensor) -> Windows:
+    """Cut the windows of pyramid `level` where cells agree with the votes."""
+    middles, weights = choose_windows(votes, size, level=level, count=WINDOWS, side_px=SIDE)
+    pixels = cut_windows(pyramid, level, middles, size)
+    step = tf.pow(2.0, tf.cast(level, tf.float32))
+    ruled = sample_cells(cover_ruling(votes.agreement), middles[:, None, None] + step * _GRID)
+    return Windows(extract_ink(pixels, weights, ruled), middles, weights, step)
+
+
+def cover_ruling(agreement: tf.Tensor) -> tf.Tensor:
+    """Where the ruling is, 0..1 [C, C]: `agreement` [C, C] with single holes filled and what only borders on
+    it left out."""
+    mean = tf.nn.avg_pool2d(agreement[None, ..., None], 3, 1, "SAME")[0, ..., 0]
+    return tf.clip_by_value(2.5 * mean - 0.9, 0.0, 1.0)
+
+
+def read_sheet(frame: tf.Tensor, size: tf.Tensor, answers: list[CellAnswers]) -> Reading:
+    """Read the ruling of a photo in the corner of `frame` [F, F, 3], RGB of 0..255.
+
+    `size` [2] is the photo's (height, width), float; `answers` are those of all LEVELS of its pyramid.
+    """
+    votes = collect_votes(answers)
+    pyramid = build_pyramid(frame, LEVELS)
+    level = choose_level(votes.period_px, size)
+    windows = prepare_windows(pyramid, size, votes, level)
+    power = compute_power(windows.ink)
+    length = windows.step / tf.exp(sample_cells(votes.log_period, windows.middles))
+    direction = sample_cells(votes.direction, windows.middles)
+    factors = find_families(power, windows.weights, length, direction)
+    frequency = find_peaks(power, windows.ink, length, direction, factors)
+    noise = measure_noise(power, length[:, None] * tf.exp(factors))
+    fit = fit_sheet(windows, noise, frequency, size)
+    heavier = find_heavier(windows, predict_waves(fit.parameters, window_points(windows, size)[0]))
+    fine_level = choose_level(votes.period_px / 5, size)
+    fine = tf.cond(
+        fine_level < level, lambda: prepare_windows(pyramid, size, votes, fine_level), lambda: windows
+    )
+    fine = Windows(*(tf.ensure_shape(new, old.shape) for new, old in zip(fine, windows, strict=True)))
+    finer = find_finer(fine, predict_waves(fit.parameters, window_points(fine, size)[0]))
+    is_harmonic = tf.reduce_any(tf.abs(heavier.factors - 1) > 0.1)
+    # Lines of which every fifth or tenth is heavier are the finest already.
+    factor = tf.where(is_harmonic | heavier.fifth | heavier.tenth, 1.0, finer.factor)
+    scale = heavier.factors * factor
+    u, v = scale[0], scale[1]
+    scaled = fit.parameters * tf.concat([tf.stack([u, v, u, u, v, v]), tf.ones([COUNT - 6])], 0)
+
+    def refit() -> tuple[SheetFit, HeavierLines]:
+        used = Windows(*(tf.where(is_harmonic, old, new) for old, new in zip(windows, fine, strict=True)))
+        points = window_points(used, size)[0]
+        lengths = tf.norm(predict_waves(scaled, points)[..., :2], axis=-1)
+        again = fit_phases(used, measure_noise(compute_power(used.ink), lengths), points, scaled)
+        return again, find_heavier(used, predict_waves(again.parameters, points))
+
+    fit, heavier = tf.cond(is_harmonic | (factor > 1.5), refit, lambda: (fit, heavier))
+    return Reading(votes, fit, finer._replace(factor=factor), heavier)

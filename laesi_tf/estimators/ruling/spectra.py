@@ -1,0 +1,257 @@
+"""Local spectra of a photo: Hann windows, their Fourier transforms, and waves measured at any frequency.
+
+Frequencies are (x, y) in periods per pixel of the windows' level. The phase of a wave is counted in periods
+at the middle of its window.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import tensorflow as tf
+
+SIDE = 128
+"""Side of a window, pixels of its level."""
+_STEPS = np.arange(SIDE, dtype=np.float32) + 0.5 - SIDE / 2
+_HANN = (np.cos(np.pi * _STEPS / SIDE) ** 2).astype(np.float32)
+SPREAD_PX = float(np.sqrt((_HANN * _STEPS**2).sum() / _HANN.sum()))
+"""Standard deviation of the Hann window as a weight, 23.1 pixels: what a wave is averaged over."""
+
+
+@dataclass(frozen=True)
+class SearchParameters:
+    """Set on 28 November 2026 on `rendered` (split develop) and every ninth photo of semireal's split
+    train."""
+
+    ratio_reach: float = 0.14
+    """A family's frequency lies within this, in ln, of what the cells say: unequal pitches differ by 0.22."""
+    ratio_steps: int = 29
+    turn_reach: float = 0.14
+    """Radians between the direction that cells say and the lines."""
+    turn_steps: int = 9
+    common_spread: float = 0.05
+    """Standard deviation of ln of the families' mean frequency about the cells' answer."""
+    unequal_spread: float = 0.08
+    """The same of half the difference between the families."""
+    peak_reach: float = 0.06
+    """A window's own peak lies within this, in ln, of what all windows say; 4/5 and 6/5 waves stay
+    outside."""
+
+
+SEARCH = SearchParameters()
+
+
+class Windows(NamedTuple):
+    """Windows cut from a photo."""
+
+    ink: tf.Tensor
+    """[N, SIDE, SIDE], detail along the ink's colour times the Hann window."""
+    middles: tf.Tensor
+    """[N, 2], (x, y) in frame pixels."""
+    weights: tf.Tensor
+    """[N], 0 for windows that are not used."""
+    step: tf.Tensor
+    """Frame pixels per pixel of the windows, scalar."""
+
+
+class Waves(NamedTuple):
+    """Complex amplitudes of waves in windows, [N, K] each, and the frequencies' errors."""
+
+    real: tf.Tensor
+    imaginary: tf.Tensor
+    correction: tf.Tensor
+    """[N, K, 2], what to add to the frequency at which the wave was measured to come nearer to the wave's
+    own."""
+
+    @property
+    def power(self) -> tf.Tensor:
+        """[N, K]."""
+        return self.real**2 + self.imaginary**2
+
+
+def build_pyramid(frame: tf.Tensor, levels: int) -> list[tf.Tensor]:
+    """`frame` [F, F, 3] and its means over squares of 2, 4, ... pixels."""
+    pyramid = [frame]
+    for _ in range(levels - 1):
+        pyramid.append(tf.nn.avg_pool2d(pyramid[-1][None], 2, 2, "VALID")[0])
+    return pyramid
+
+
+def cut_windows(pyramid: list[tf.Tensor], level: tf.Tensor, middles: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
+    """Pixels [N, SIDE, SIDE, 3] of windows of `level` around `middles` [N, 2], frame pixels.
+
+    What lies beyond the photo of `size` [2] (height, width in frame pixels) repeats its border.
+    """
+
+    def cut(index: int) -> tf.Tensor:
+        image = pyramid[index]
+        last = tf.cast(tf.reverse(size, [0]) / 2.0**index, tf.int32) - 1
+        corner = tf.cast(tf.round(middles / 2.0**index), tf.int32) - SIDE // 2
+        reach = tf.range(SIDE)
+        columns, rows = (tf.clip_by_value(corner[:, axis, None] + reach, 0, last[axis]) for axis in (0, 1))
+        return tf.gather(tf.reshape(image, [-1, 3]), rows[:, :, None] * image.shape[1] + columns[:, None, :])
+
+    def choose(index: int) -> tf.Tensor:
+        if index == len(pyramid) - 1:
+            return cut(index)
+        return tf.cond(level <= index, lambda: cut(index), lambda: choose(index + 1))
+
+    return choose(0)
+
+
+def find_ink_colour(pixels: tf.Tensor, weights: tf.Tensor) -> tf.Tensor:
+    """Weights [3] of the channels in which pixels [N, SIDE, SIDE, 3] a few apart differ most, of unit length.
+
+    Differences are clipped at twice their mean, so that lines count and edges of leaves do not.
+    """
+    near = pixels[:, 4::8, 4::8]
+    differences = tf.concat(
+        [near - pixels[:, 4 + down :: 8, 4 + right :: 8] for down, right in ((3, 0), (0, 3), (2, 2))], -1
+    )
+    differences = tf.reshape(differences, [pixels.shape[0], -1, 3])
+    typical = tf.reduce_mean(tf.abs(differences), [1, 2], keepdims=True) + 0.1
+    differences = tf.clip_by_value(differences, -2 * typical, 2 * typical)
+    weighted = differences * weights[:, None, None]
+    covariance = tf.matmul(tf.reshape(weighted, [-1, 3]), tf.reshape(differences, [-1, 3]), transpose_a=True)
+    colour = tf.ones([3, 1])
+    for _ in range(6):
+        colour = tf.matmul(covariance, colour)
+        colour /= tf.norm(colour) + 1e-9
+    return colour[:, 0]
+
+
+def extract_ink(pixels: tf.Tensor, weights: tf.Tensor, ruled: tf.Tensor) -> tf.Tensor:
+    """Darkness [N, SIDE, SIDE] of the lines in `pixels` [N, SIDE, SIDE, 3] without its slow part, times the
+    Hann window.
+
+    `ruled` [N, C, C] says on a coarse grid where the ruling is, 0..1; the rest is faded out. What stands out
+    more than lines do (edges of leaves) is clipped.
+    """
+    colour = find_ink_colour(pixels, weights)
+    grey = tf.linalg.matvec(pixels, -colour)[..., None]
+    coarse = tf.nn.avg_pool2d(tf.nn.avg_pool2d(grey, 16, 16, "VALID"), 3, 1, "SAME")
+    detail = (grey - tf.image.resize(coarse, [SIDE, SIDE]))[..., 0]
+    detail *= tf.image.resize(ruled[..., None], [SIDE, SIDE])[..., 0]
+    typical = tf.reduce_mean(tf.abs(detail), [1, 2], keepdims=True) + 0.1
+    return tf.clip_by_value(detail, -4 * typical, 4 * typical) * (_HANN[:, None] * _HANN)
+
+
+def compute_power(ink: tf.Tensor) -> tf.Tensor:
+    """Power spectra [N, SIDE, SIDE / 2 + 1] of windows."""
+    transformed = tf.signal.rfft2d(ink, [SIDE, SIDE])
+    return tf.math.real(transformed) ** 2 + tf.math.imag(transformed) ** 2
+
+
+def read_power(power: tf.Tensor, frequency: tf.Tensor) -> tf.Tensor:
+    """Power [N, ...] at the nearest bins to `frequency` [N, ..., 2]."""
+    count = power.shape[0]
+    bins = tf.cast(tf.round(frequency * SIDE), tf.int32)
+    column, row = bins[..., 0], bins[..., 1]
+    row = tf.where(column < 0, -row, row)
+    row = tf.where(row < 0, row + SIDE, row)
+    column = tf.minimum(tf.abs(column), SIDE // 2)
+    row = tf.clip_by_value(row, 0, SIDE - 1)
+    window = tf.reshape(tf.range(count), [count] + [1] * (len(frequency.shape) - 2))
+    return tf.gather(tf.reshape(power, [-1]), (window * SIDE + row) * (SIDE // 2 + 1) + column)
+
+
+def measure_noise(power: tf.Tensor, length: tf.Tensor) -> tf.Tensor:
+    """Noise power [N, F] around frequencies of `length` [N, F], periods per pixel: geometric mean over all
+    directions.
+
+    The mean of the logarithm passes over the few bins that hold the waves themselves; of pure noise it lies
+    below the mean power by a factor of exp(0.577).
+    """
+    y = np.fft.fftfreq(SIDE).astype(np.float32)[:, None]
+    x = (np.arange(SIDE // 2 + 1) / SIDE).astype(np.float32)
+    radius = np.hypot(x, y).reshape(-1)
+    low, high = 0.7 * length, 1.4 * length
+    near = (radius > low[..., None]) & (radius < high[..., None])
+    near = tf.cast(near, tf.float32)
+    logs = tf.reshape(tf.math.log(power + 1e-6), [power.shape[0], -1, 1])
+    mean = tf.matmul(near, logs)[..., 0] / (tf.reduce_sum(near, -1) + 1e-6)
+    return 1.78 * tf.exp(mean)
+
+
+def measure_waves(ink: tf.Tensor, frequency: tf.Tensor) -> Waves:
+    """Complex amplitudes of waves at `frequency` [N, K, 2] in windows [N, SIDE, SIDE].
+
+    The correction is the first moment's: for a single wave nearby it leads to that wave's frequency.
+    """
+
+    def basis(axis: int) -> tuple[tf.Tensor, tf.Tensor]:
+        turn = 2 * np.pi * frequency[..., axis, None] * _STEPS
+        return tf.cos(turn), -tf.sin(turn)
+
+    (cos_x, sin_x), (cos_y, sin_y) = basis(0), basis(1)
+    along_x = tf.concat([cos_x, sin_x, cos_x * _STEPS, sin_x * _STEPS], 1)
+    lines = tf.matmul(along_x, ink, transpose_b=True)
+    real, imaginary, real_x, imaginary_x = tf.split(lines, 4, 1)
+
+    def sum_y(re: tf.Tensor, im: tf.Tensor, factor: np.ndarray | float) -> tuple[tf.Tensor, tf.Tensor]:
+        return (
+            tf.reduce_sum((re * cos_y - im * sin_y) * factor, -1),
+            tf.reduce_sum((re * sin_y + im * cos_y) * factor, -1),
+        )
+
+    z, zx, zy = sum_y(real, imaginary, 1.0), sum_y(real_x, imaginary_x, 1.0), sum_y(real, imaginary, _STEPS)
+    size = z[0] ** 2 + z[1] ** 2 + 1e-6
+    moments = tf.stack([(m[1] * z[0] - m[0] * z[1]) / size for m in (zx, zy)], -1)
+    return Waves(z[0], z[1], moments / (2 * np.pi * SPREAD_PX**2))
+
+
+def find_families(power: tf.Tensor, weights: tf.Tensor, length: tf.Tensor, direction: tf.Tensor) -> tf.Tensor:
+    """ln of the factors [2] between the families' frequencies and what the cells say, common to all windows.
+
+    `length` [N] (periods per pixel) and `direction` [N] (radians) are the cells' answers.
+    """
+    p = SEARCH
+    ratios = np.linspace(-p.ratio_reach, p.ratio_reach, p.ratio_steps, dtype=np.float32)
+    turns = np.linspace(-p.turn_reach, p.turn_reach, p.turn_steps, dtype=np.float32)
+    seen = tf.math.log(read_power(power, _polar(length, direction, ratios, turns)) + 1e-6)
+    along = tf.reduce_max(seen, -1)
+    along -= tf.reduce_mean(along, -1, keepdims=True)
+    score = tf.reduce_sum(along * weights[:, None, None], 0)
+    total = tf.reduce_sum(weights)
+    mean = (ratios[:, None] + ratios) / 2
+    difference = (ratios[:, None] - ratios) / 2
+    prior = (mean / p.common_spread) ** 2 + (difference / p.unequal_spread) ** 2
+    joint = score[0][:, None] + score[1] - 0.5 * total * prior
+    best = tf.argmax(tf.reshape(joint, [-1]), output_type=tf.int32)
+    return tf.stack([tf.gather(ratios, best // p.ratio_steps), tf.gather(ratios, best % p.ratio_steps)])
+
+
+def find_peaks(
+    power: tf.Tensor, ink: tf.Tensor, length: tf.Tensor, direction: tf.Tensor, factors: tf.Tensor
+) -> tf.Tensor:
+    """Frequencies [N, 2 families, 2] of the strongest waves near the cells' answers times exp(`factors`
+    [2])."""
+    p = SEARCH
+    ratios = np.linspace(-p.peak_reach, p.peak_reach, 7, dtype=np.float32)
+    turns = np.linspace(-1.5 * p.turn_reach, 1.5 * p.turn_reach, 13, dtype=np.float32)
+    around = _polar(length, direction, ratios, turns, factors)
+    count = length.shape[0]
+    flat = tf.reshape(around, [count, 2, -1, 2])
+    seen = read_power(power, flat)
+    best = tf.argmax(seen, -1, output_type=tf.int32)
+    frequency = tf.gather(flat, best, batch_dims=2)
+    for _ in range(2):
+        waves = measure_waves(ink, frequency)
+        frequency += tf.clip_by_value(waves.correction, -1 / SIDE, 1 / SIDE)
+    return frequency
+
+
+def _polar(
+    length: tf.Tensor,
+    direction: tf.Tensor,
+    ratios: np.ndarray,
+    turns: np.ndarray,
+    factors: tf.Tensor | None = None,
+) -> tf.Tensor:
+    """Frequencies [N, 2 families, ratios, turns, 2] around the cells' answers [N]."""
+    logs = ratios[None, :] + (tf.zeros([2, 1]) if factors is None else factors[:, None])
+    sizes = length[:, None, None] * tf.exp(logs)
+    angles = direction[:, None, None] + np.array([0, np.pi / 2], np.float32)[:, None] + turns
+    return tf.stack(
+        [sizes[..., None] * tf.cos(angles)[:, :, None], sizes[..., None] * tf.sin(angles)[:, :, None]], -1
+    )

@@ -1,0 +1,173 @@
+"""The network that says, for each cell of 16 x 16 pixels, whether a ruling can be read there, how fine and
+which way.
+
+Plain convolutions in bottlenecks: a ruling is texture, and depthwise convolutions mix too little of it per
+layer. The input is the photo and, beside it, the photo with its local mean and contrast evened, so that faint
+print counts as much as bold.
+"""
+
+import math
+from typing import NamedTuple
+
+import keras
+import tensorflow as tf
+
+from laesi_tf.models.ruling_cells import (
+    CELL_PX,
+    DIRECTION_BINS,
+    FINEST_PX,
+    LOG_STEP,
+    PERIOD_BINS,
+    CellAnswers,
+)
+
+HEADS = {
+    "readable": 1,
+    "finest_uncertain": 1,
+    "periods": PERIOD_BINS,
+    "heaviest": PERIOD_BINS,
+    "directions": DIRECTION_BINS,
+}
+"""Output channels in order: a ruling of two crossing families can be read; lines may be printed that are too
+fine to be seen; period of the finest printed lines; period of the heaviest visible lines; direction modulo 90
+degrees."""
+CHANNELS = sum(HEADS.values())
+NOT_ASKED = -1
+"""In `readable` and `finest_uncertain`: the cell does not count."""
+_FAINTEST = 0.015
+"""Added to the local contrast, on the scale -1..1, so that noise on even paper is not blown up."""
+_WEIGHTS = {"readable": 1.0, "finest_uncertain": 0.5, "periods": 1.0, "heaviest": 0.5, "directions": 0.5}
+"""Of the heads' losses in the sum."""
+
+
+class RulingTargets(NamedTuple):
+    """What is printed in the cells [B, h, w] of a batch of crops."""
+
+    readable: tf.Tensor
+    """1, 0 or NOT_ASKED."""
+    finest_uncertain: tf.Tensor
+    """1 where finer lines are printed than can be seen, 0 where the finest are seen, or NOT_ASKED."""
+    log_period: tf.Tensor
+    """ln of pixels per period of the finest printed lines, geometric mean of both families."""
+    log_heaviest: tf.Tensor
+    """ln of pixels per period of the heaviest lines; of the finest where none are heavier."""
+    direction: tf.Tensor
+    """0..1, in units of 90 degrees."""
+
+
+def build_ruling_network(height: int | None = None, width: int | None = None) -> keras.Model:
+    """[B, height, width, 3] RGB of 0..255, sides multiples of 16 -> logits [B, h, w, CHANNELS], 0.47 M
+    weights."""
+    picture = keras.Input((height, width, 3), name="picture")
+    x = _even_contrast(picture)
+    x = _convolve(x, 48, 8, stride=4, name="stem")
+    x = _convolve(x, 96, 3, stride=2, name="to_eighth")
+    for index in range(2):
+        x = _bottleneck(x, name=f"eighth_{index}")
+    x = _convolve(x, 144, 3, stride=2, name="to_sixteenth")
+    for index, dilation in enumerate((1, 2, 1)):
+        x = _bottleneck(x, dilation=dilation, name=f"sixteenth_{index}")
+    return keras.Model(picture, keras.layers.Conv2D(CHANNELS, 1, name="heads")(x), name="ruling")
+
+
+def _even_contrast(picture: keras.KerasTensor) -> keras.KerasTensor:
+    """Six channels: `picture` on -1..1, and its deviation from the local mean over the local contrast."""
+    scaled = keras.layers.Rescaling(1 / 127.5, -1, name="to_unit")(picture)
+    rest = keras.ops.subtract(scaled, _average_locally(scaled))
+    power = keras.ops.mean(keras.ops.square(rest), axis=-1, keepdims=True)
+    contrast = keras.ops.sqrt(_average_locally(power) + _FAINTEST**2)
+    return keras.layers.Concatenate(name="with_evened")([scaled, keras.ops.divide(rest, contrast)])
+
+
+def _average_locally(values: keras.KerasTensor) -> keras.KerasTensor:
+    coarse = keras.layers.AveragePooling2D(CELL_PX, padding="same")(values)
+    return keras.layers.UpSampling2D(CELL_PX, interpolation="bilinear")(coarse)
+
+
+def _convolve(
+    x: keras.KerasTensor,
+    channels: int,
+    size: int,
+    *,
+    name: str,
+    stride: int = 1,
+    dilation: int = 1,
+    relu: bool = True,
+) -> keras.KerasTensor:
+    x = keras.layers.Conv2D(
+        channels, size, strides=stride, dilation_rate=dilation, padding="same", use_bias=False, name=name
+    )(x)
+    x = keras.layers.BatchNormalization(momentum=0.9, epsilon=1e-3, name=f"{name}_bn")(x)
+    return keras.layers.ReLU(name=f"{name}_relu")(x) if relu else x
+
+
+def _bottleneck(x: keras.KerasTensor, *, name: str, dilation: int = 1) -> keras.KerasTensor:
+    channels = x.shape[-1]
+    y = _convolve(x, channels // 2, 1, name=f"{name}_in")
+    y = _convolve(y, channels // 2, 3, dilation=dilation, name=f"{name}_mid")
+    y = _convolve(y, channels, 1, relu=False, name=f"{name}_out")
+    return keras.layers.ReLU(name=f"{name}_relu")(keras.layers.Add(name=f"{name}_add")([x, y]))
+
+
+def split_heads(logits: tf.Tensor) -> dict[str, tf.Tensor]:
+    """The channels of `logits` [..., CHANNELS] by head; single channels without their axis."""
+    parts = dict(zip(HEADS, tf.split(logits, list(HEADS.values()), -1), strict=True))
+    return {name: part[..., 0] if HEADS[name] == 1 else part for name, part in parts.items()}
+
+
+def to_answers(logits: tf.Tensor) -> CellAnswers:
+    """Probabilities for the cells of one level from `logits` [h, w, CHANNELS]."""
+    heads = split_heads(logits)
+    return CellAnswers(
+        readable=tf.sigmoid(heads["readable"]),
+        periods=tf.nn.softmax(heads["periods"]),
+        directions=tf.nn.softmax(heads["directions"]),
+    )
+
+
+def ruling_losses(logits: tf.Tensor, targets: RulingTargets) -> dict[str, tf.Tensor]:
+    """Mean cross entropy of each head, scalars, of `logits` [B, h, w, CHANNELS].
+
+    Periods and directions are asked where a ruling can be read; a value between two bins is shared by both.
+    """
+    heads = split_heads(logits)
+    readable = tf.cast(targets.readable == 1, tf.float32)
+    expected = {
+        "periods": share_between_bins(to_bin(targets.log_period), PERIOD_BINS, circular=False),
+        "heaviest": share_between_bins(to_bin(targets.log_heaviest), PERIOD_BINS, circular=False),
+        "directions": share_between_bins(targets.direction * DIRECTION_BINS, DIRECTION_BINS, circular=True),
+    }
+    losses = {
+        name: _mean_over(tf.nn.softmax_cross_entropy_with_logits(expected[name], heads[name]), readable)
+        for name in expected
+    }
+    for name, flags in (("readable", targets.readable), ("finest_uncertain", targets.finest_uncertain)):
+        truth, asked = tf.cast(flags == 1, tf.float32), tf.cast(flags != NOT_ASKED, tf.float32)
+        crossed = tf.nn.sigmoid_cross_entropy_with_logits(labels=truth, logits=heads[name])
+        losses[name] = _mean_over(crossed, asked)
+    return losses
+
+
+def ruling_loss(logits: tf.Tensor, targets: RulingTargets) -> tf.Tensor:
+    """Weighted sum of the heads' losses, a scalar."""
+    losses = ruling_losses(logits, targets)
+    return tf.add_n([_WEIGHTS[name] * value for name, value in losses.items()])
+
+
+def to_bin(log_period: tf.Tensor) -> tf.Tensor:
+    """Fractional bins of ln of pixels per period."""
+    return (log_period - math.log(FINEST_PX)) / LOG_STEP
+
+
+def share_between_bins(place: tf.Tensor, count: int, *, circular: bool) -> tf.Tensor:
+    """Weights [..., count] on the two bins nearest to fractional `place` [...], which sum to 1."""
+    if not circular:
+        place = tf.clip_by_value(place, 0.0, count - 1.001)
+    low = tf.floor(place)
+    share = (place - low)[..., None]
+    first = tf.cast(low, tf.int32)
+    return (1 - share) * tf.one_hot(first % count, count) + share * tf.one_hot((first + 1) % count, count)
+
+
+def _mean_over(values: tf.Tensor, weights: tf.Tensor) -> tf.Tensor:
+    return tf.reduce_sum(values * weights) / (tf.reduce_sum(weights) + 1)

@@ -1,0 +1,180 @@
+"""The fit of a sheet's camera against sheets of known geometry, drawn by ray casting."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+import tensorflow as tf
+from drawn_sheets import View, answer_cells, draw_photo, put_in_frame
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from laesi_tf.estimators.ruling import judge
+from laesi_tf.estimators.ruling.least_squares import solve_normal
+from laesi_tf.estimators.ruling.reading import Reading, read_sheet
+from laesi_tf.models import ruling_cells as cells
+
+FIVES_AND_TENS = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
+TENS, FIVES, PLAIN = {1.0: 0.6, 10.0: 1.0}, {1.0: 0.5, 5.0: 0.9}, {1.0: 0.8}
+
+
+@cache
+def compiled_reader():
+    return tf.function(
+        lambda frame, size, *flat: read_sheet(
+            frame, size, [cells.CellAnswers(*flat[i : i + 3]) for i in range(0, len(flat), 3)]
+        ),
+        input_signature=signature(),
+        autograph=False,
+    )
+
+
+def signature() -> list[tf.TensorSpec]:
+    specs = [tf.TensorSpec([cells.FRAME_PX, cells.FRAME_PX, 3]), tf.TensorSpec([2])]
+    for level in range(cells.LEVELS):
+        side = cells.FRAME_CELLS >> level
+        specs += [
+            tf.TensorSpec([side, side, *more]) for more in ((), (cells.PERIOD_BINS,), (cells.DIRECTION_BINS,))
+        ]
+    return specs
+
+
+def inputs(view: View, photo: np.ndarray, pitch_mm: float = 1.0, half_mm: float = 1e9) -> list[np.ndarray]:
+    answers = answer_cells(view, pitch_mm, half_mm=half_mm)
+    size = np.array([view.height, view.width], np.float32)
+    return [put_in_frame(photo), size, *(part for level in answers for part in level)]
+
+
+def read(view: View, photo: np.ndarray, **options: float) -> Reading:
+    return compiled_reader()(*map(tf.constant, inputs(view, photo, **options)))
+
+
+def judged(view: View, reading: Reading, grid_mm: float | None = None) -> judge.SheetReading:
+    return judge.judge_reading(reading, (view.height, view.width), (1.0, 1.0), grid_mm=grid_mm)
+
+
+def scale_errors(view: View, result: judge.SheetReading) -> np.ndarray:
+    assert result.camera is not None, result.refusal
+    shares = np.array([[0.5, 0.5], [0.3, 0.35], [0.7, 0.65]])
+    points = shares * [view.width, view.height]
+    return np.sqrt(result.camera.mm2_per_px(points) / view.density(points)) - 1
+
+
+angles = st.floats(-0.35, 0.35)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    px_per_mm=st.floats(3.5, 9.0),
+    turn=st.floats(-math.pi, math.pi),
+    tilt=st.tuples(angles, angles),
+    levels=st.sampled_from([FIVES_AND_TENS, TENS, FIVES]),
+)
+def test_tilted_sheets(px_per_mm, turn, tilt, levels):
+    view = View(px_per_mm=px_per_mm, turn=turn, tilt=tilt)
+    result = judged(view, read(view, draw_photo(view, levels)))
+    assert np.abs(scale_errors(view, result)).max() < 1e-3
+    assert result.paper == {3: "1-5-10", 2: "1-10" if levels is TENS else "1-5"}[len(levels)]
+    assert result.proves_millimetres == (levels is FIVES_AND_TENS)
+
+
+@settings(max_examples=4, deadline=None)
+@given(k1=st.floats(-0.05, 0.05), tilt=st.tuples(angles, angles))
+def test_lenses(k1, tilt):
+    view = View(k1=k1, tilt=tilt)
+    assert np.abs(scale_errors(view, judged(view, read(view, draw_photo(view, FIVES_AND_TENS))))).max() < 2e-3
+
+
+def test_a_flat_sheet_without_distortion_needs_no_more_than_a_homography():
+    view = View(tilt=(0.1, -0.2))
+    assert int(read(view, draw_photo(view, FIVES_AND_TENS)).fit.model) == 0
+
+
+@pytest.mark.parametrize("bow", [-3.0, 3.0])
+def test_bent_sheets(bow):
+    view = View(bow=bow, tilt=(0.1, 0.05))
+    reading = read(view, draw_photo(view, FIVES_AND_TENS))
+    assert np.abs(scale_errors(view, judged(view, reading))).max() < 3e-3
+    assert int(reading.fit.model) >= 3
+
+
+@pytest.mark.parametrize("half_mm", [20.0, 30.0])
+def test_scraps(half_mm):
+    view = View(px_per_mm=3.6)
+    result = judged(view, read(view, draw_photo(view, FIVES_AND_TENS, half_mm=half_mm), half_mm=half_mm))
+    assert abs(scale_errors(view, result)[0]) < 3e-3
+
+
+@pytest.mark.parametrize("px_per_mm", [2.6, 14.0, 24.0])
+def test_wide_and_close_views(px_per_mm):
+    view = View(px_per_mm=px_per_mm, tilt=(0.05, 0.1))
+    result = judged(view, read(view, draw_photo(view, FIVES_AND_TENS)), grid_mm=1.0)
+    assert np.abs(scale_errors(view, result)).max() < 2e-3
+
+
+@pytest.mark.parametrize(("seen_mm", "levels"), [(5.0, FIVES), (10.0, TENS), (10.0, FIVES_AND_TENS)])
+def test_finer_lines_than_the_cells_saw(seen_mm, levels):
+    view = View(px_per_mm=3.6)
+    reading = read(view, draw_photo(view, levels, blur=0.7), pitch_mm=seen_mm)
+    assert float(reading.finer.factor) == seen_mm
+    assert np.abs(scale_errors(view, judged(view, reading))).max() < 1e-3
+
+
+@pytest.mark.parametrize("pitch", [4.0, 5.0])
+def test_squared_paper_has_no_finer_lines_and_an_unknown_pitch(pitch):
+    view = View()
+    reading = read(view, draw_photo(view, {pitch: 0.8}), pitch_mm=pitch)
+    assert float(reading.finer.factor) == 1
+    assert bool(reading.finer.excluded[1])
+    assert judged(view, reading).refusal == judge.PITCH_UNKNOWN.format(period=float(reading.votes.period_px))
+    assert np.abs(scale_errors(view, judged(view, reading, grid_mm=pitch))).max() < 2e-3
+
+
+def test_blur_that_hides_the_finest_lines_is_refused():
+    view = View(px_per_mm=3.6)
+    photo = draw_photo(view, {1.0: 0.3, 5.0: 0.8, 10.0: 1.0}, blur=3.0)
+    refusal = judged(view, read(view, photo, pitch_mm=5.0)).refusal
+    assert refusal is not None
+    assert "finer ones" in refusal
+
+
+def test_lines_in_one_direction_are_no_ruling():
+    view = View()
+    assert judged(view, read(view, draw_photo(view, FIVES_AND_TENS, families=1))).refusal is not None
+
+
+@pytest.mark.parametrize("quality", [20, 50])
+def test_a_plain_sheet_under_jpeg_is_refused_even_if_cells_call_its_blocks_a_ruling(quality):
+    view = View(px_per_mm=8.0, turn=0.0)
+    assert judged(view, read(view, draw_photo(view, {}, quality=quality))).camera is None
+
+
+def test_unequal_scales_across_and_down():
+    view = View(stretch=1.2, turn=0.0)
+    assert np.abs(scale_errors(view, judged(view, read(view, draw_photo(view, FIVES_AND_TENS))))).max() < 1e-3
+
+
+def test_the_camera_lays_lines_on_printed_lines_and_maps_back():
+    view = View(tilt=(0.2, -0.1), k1=0.03)
+    camera = judged(view, read(view, draw_photo(view, FIVES_AND_TENS))).camera
+    assert camera is not None
+    points = np.array([[100.0, 90.0], [330.0, 250.0], [560.0, 430.0]])
+    np.testing.assert_allclose(camera.to_photo(camera.to_sheet(points)), points, atol=1e-3)
+    true = np.stack(view.to_sheet(*points.T), 1)
+    # Families may be exchanged or reversed; the distance to the next line is the same.
+    off = [np.sort(np.abs(lines - np.round(lines)), axis=1) for lines in (camera.to_sheet(points), true)]
+    np.testing.assert_allclose(off[0], off[1], atol=0.03)
+    assert camera.tilt_deg() == pytest.approx(math.degrees(math.hypot(0.2, 0.1)), abs=2)
+    assert 0 < camera.scale_error(points[1]) < 2e-3
+
+
+def test_elimination_solves_systems():
+    random = np.random.default_rng(0)
+    rows = random.normal(size=(3, 20, 7))
+    matrix = np.einsum("mni,mnj->mij", rows, rows) * np.outer(*[10.0 ** np.arange(-3, 4)] * 2)
+    columns = random.normal(size=(3, 7, 2))
+    solved, log_determinant = solve_normal(tf.constant(matrix, tf.float32), tf.constant(columns, tf.float32))
+    scale = 10.0 ** np.arange(-3, 4)[:, None]
+    np.testing.assert_allclose(solved * scale, np.linalg.solve(matrix, columns) * scale, rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(log_determinant, np.linalg.slogdet(matrix)[1], rtol=1e-4)
