@@ -63,7 +63,7 @@ def main(arguments: Sequence[str]) -> None:
 
 def measure_trial_cost(budget: Budget, data: "TrainingData", jobs: Sequence[Job]) -> dict[str, Any]:
     """Measure seconds per trial over a worker's run of `jobs`, with a storage in a file, and its memory."""
-    from sweeps.trials.objective import TrainingObjective
+    from sweeps.workers.objective import TrainingObjective
     from sweeps.trials.trial_runner import TrialRunner
 
     memory_mb: list[float] = []

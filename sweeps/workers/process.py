@@ -25,7 +25,7 @@ def _run_worker(settings: WorkerSettings) -> None:
     quiet_optuna()
     import tensorflow as tf
 
-    from sweeps.trials.objective import TrainingObjective
+    from sweeps.workers.objective import TrainingObjective
     from sweeps.trials.training_data import TrainingData
     from sweeps.trials.trial_runner import TrialRunner
 
