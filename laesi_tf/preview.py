@@ -25,7 +25,7 @@ def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError for unknown ranges, a bad manifest or a folder it cannot write."""
     options = _make_parser().parse_args(arguments)
     photos = read_manifest(options.photos) if options.photos else []
-    load_tensorflow()
+    load_tensorflow(quick_compilation=True)
     from laesi_tf.reporting import scene_tiles
     from laesi_tf.reporting.captions import make_contact_sheet
     from laesi_tf.reporting.overlay import write_png

@@ -1,4 +1,4 @@
-"""Load the estimator that a training run, a pair of runs or the name of a method without a network stands for.
+"""Load the estimator that a training run, a pair of runs or the name of a method stands for.
 
 Every estimator is registered here, in `_BY_TASK` or `_WITHOUT_RUN`.
 """
