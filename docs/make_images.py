@@ -1,6 +1,6 @@
 """Make the images of the documentation from what the commands write: `python docs/make_images.py`.
 
-scenes.jpg and components.jpg come from `laesi preview`, overlay.jpg from `laesi predict` with sample/leaf.jpg.
+scenes.jpg and components.jpg come from `laesi preview`, overlay.jpg from `laesi predict` of sample/leaf.jpg.
 """
 
 import tempfile
