@@ -45,3 +45,15 @@ def stand_in_networks() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(saved_model, "build_network", build_stand_in)
         yield
+
+
+@pytest.fixture(scope="module")
+def tiny_backbone() -> Iterator[None]:
+    """Let networks be built on the stand-in of `tiny_backbone.py` in place of MobileNetV3."""
+    from tiny_backbone import build_tiny_backbone
+
+    from laesi_tf.models import backbone
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(backbone, "_build_network", build_tiny_backbone)
+        yield

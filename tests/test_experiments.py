@@ -27,6 +27,7 @@ from laesi_tf.training import loop, trainer
 SCALE = 0.005
 NAMES = ["rule_based", "real_baseline", "rendering_1", "rendering_2", "controlnet", "controlnet_filtering"]
 Run = Callable[..., dict[str, Any]]
+pytestmark = pytest.mark.usefixtures("tiny_backbone")
 
 
 def write_manifest(folder: Path, *, masks: bool = True) -> Path:
@@ -49,7 +50,7 @@ def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def run(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(tiny_backbone: None, manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Return a function that runs experiments, of `tasks` alone, into a folder and returns their metrics."""
     data = tmp_path_factory.mktemp("data")
 
