@@ -18,7 +18,7 @@ EXTREMES = {
     "black": np.zeros((200, 300, 3), np.uint8),
     "white": np.full((200, 300, 3), 255, np.uint8),
     "grey leaf": np.repeat(photo(300, 200).mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8),
-    "noise": np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8),
+    "noise": np.random.default_rng(0).integers(0, 256, (200, 300, 3), np.uint8),
     "huge": np.repeat(np.repeat(photo(300, 400), 10, axis=0), 10, axis=1),
 }
 INFOS = (PhotoInfo(), PhotoInfo(px_per_mm=5.0), PhotoInfo(px_per_mm=5.0, grid_mm=5.0))
