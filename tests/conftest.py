@@ -1,6 +1,10 @@
 """Settings and fixtures that several test files share."""
 
+import contextlib
+import ctypes
+import gc
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +30,53 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.setdefault("TF_XLA_FLAGS", f"--tf_xla_persistent_cache_directory={cache}")
     os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    # For the workers, which start later: threads that share their heaps give memory back sooner.
+    os.environ.setdefault("MALLOC_ARENA_MAX", "2")
+
+
+_TOGETHER = (
+    "test_documentation",
+    "test_estimators",
+    "test_evaluate",
+    "test_golden",
+    "test_predict",
+    "test_ruling_reader",
+    "test_sensitivity",
+)
+"""Files that read rulings: one worker runs them all, since tracing the reader takes over 10 s of CPU."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each file, and all files of `_TOGETHER`, to one worker, so that tests share what they compile."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class FilesTogether(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file: str = super()._split_scope(nodeid)
+            return "ruling" if Path(file).stem in _TOGETHER else file
+
+    return FilesTogether(config, log)
+
+
+def pytest_collection_finish() -> None:
+    """Exclude all that is imported by now from garbage collection, which takes a second with TensorFlow."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def free_memory() -> Iterator[None]:
+    """Drop the networks of a module when its tests are done, and return freed memory to the system."""
+    yield
+    if "keras" in sys.modules:
+        sys.modules["keras"].backend.clear_session()
+    gc.collect()
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):  # a system without glibc
+            ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 @pytest.fixture(scope="session")
@@ -44,4 +95,16 @@ def stand_in_networks() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(saved_model, "build_network", build_stand_in)
+        yield
+
+
+@pytest.fixture(scope="module")
+def tiny_backbone() -> Iterator[None]:
+    """Let networks be built on the stand-in of `tiny_backbone.py` in place of MobileNetV3."""
+    from tiny_backbone import build_tiny_backbone
+
+    from laesi_tf.models import backbone
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(backbone, "_build_network", build_tiny_backbone)
         yield

@@ -1,5 +1,6 @@
 """A small data set of TFRecords."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ SIZE = (48, 64)
 SPEC = DatasetSpec(count=10, size=SIZE, per_shard=4, seed=3, ranges="")
 
 
-def render_samples(count: int = 10) -> list[dict[str, np.ndarray]]:
+@cache
+def render_samples(count: int = SPEC.count) -> list[dict[str, np.ndarray]]:
+    """Render the first samples of the data set, once a process."""
     samples = synthetic.synthetic_samples(seed=3, size=SIZE, ranges=only("ruling"), count=count, passes=1)
     return list(samples.as_numpy_iterator())
 

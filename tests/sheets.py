@@ -18,7 +18,7 @@ def drawn(
     forward = rates @ centred
     # Pixels integrate: thin lines sampled at points would beat with the pixels and print lines of their own.
     y, x = (np.mgrid[: SIDE * FINER, : SIDE * FINER] + 0.5) / FINER
-    u, v, w = np.einsum("ij,jhw->ihw", forward, np.stack([x, y, np.ones_like(x)]))
+    u, v, w = np.tensordot(forward, np.stack([x, y, np.ones_like(x)]), axes=1)
     ink = np.zeros_like(x)
     for position in (u / w, v / w):
         for pitch, strength in ((1, 60), (heavy, 110)):

@@ -9,6 +9,7 @@ from typing import Any
 import discs
 import numpy as np
 import tensorflow as tf
+import tiny_backbone
 
 from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import Point
@@ -55,6 +56,7 @@ def exact_outcome(runner: TrialRunner, point: Point, outcome: TrialOutcome) -> d
 
 if __name__ == "__main__":
     tf.config.threading.set_intra_op_parallelism_threads(int(sys.argv[2]))
+    tiny_backbone.install()
     chosen = Point(*sys.argv[1].split(","))
     fresh = make_runner()
     print(json.dumps(exact_outcome(fresh, chosen, fresh.run(chosen, 0))))

@@ -11,6 +11,7 @@ from discs import disc
 from estimator_conformance import EstimatorConformance
 from green import disk, mask_network, photo
 from PIL import Image
+from scenes import only
 
 from experiments import datasets, experiment_specs, paths, runner
 from experiments import run as command
@@ -22,11 +23,13 @@ from laesi_tf.data import dataset_spec
 from laesi_tf.data.dataset_spec import DatasetSpec
 from laesi_tf.data.mixture import load_mixture
 from laesi_tf.estimators.base import Estimator
+from laesi_tf.synthesis import Ranges, load_ranges
 from laesi_tf.training import loop, trainer
 
 SCALE = 0.005
 NAMES = ["rule_based", "real_baseline", "rendering_1", "rendering_2", "controlnet", "controlnet_filtering"]
 Run = Callable[..., dict[str, Any]]
+pytestmark = pytest.mark.usefixtures("tiny_backbone")
 
 
 def write_manifest(folder: Path, *, masks: bool = True) -> Path:
@@ -43,13 +46,18 @@ def write_manifest(folder: Path, *, masks: bool = True) -> Path:
     return folder / "manifest.csv"
 
 
+def load_simple_ranges(source: str | Path) -> Ranges:
+    """Load ranges without what takes long to compile and does not matter here."""
+    return only("ruling", "calibration", "surface", ranges=load_ranges(source))
+
+
 @pytest.fixture(scope="module")
 def manifest(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_manifest(tmp_path_factory.mktemp("photos"))
 
 
 @pytest.fixture(scope="module")
-def run(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(tiny_backbone: None, manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Return a function that runs experiments, of `tasks` alone, into a folder and returns their metrics."""
     data = tmp_path_factory.mktemp("data")
 
@@ -65,6 +73,7 @@ def run(manifest: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
         with pytest.MonkeyPatch.context() as patch:
             jobs = [job for job in plan_jobs(load_experiments(names), seeds=1) if job.task in tasks]
             patch.setattr(command, "plan_jobs", lambda *_, **__: jobs)
+            patch.setattr(datasets, "load_ranges", load_simple_ranges)
             main([*names, *map(str, options)])
         metrics: dict[str, Any] = json.loads((data / "metrics.json").read_text())
         return metrics

@@ -129,13 +129,14 @@ def test_live_sources_show_different_leaves(write: Write) -> None:
 
 def test_live_sources_have_the_ranges_and_textures_of_the_run(write: Write) -> None:
     path, textures = write(LIVE + "count = 2\n"), tf.zeros([1, 8, 8, 3])
-    simple = {"ranges": str(path.parent / "simple.toml")}
+    simple, other = ({"ranges": str(path.parent / f"{name}.toml")} for name in ("simple", "other"))
+    (path.parent / "other.toml").write_text(f"without = {sorted(only('ruling').without)}\n")
     images = []
-    for options in (simple, {"ranges": "rendering_1"}, simple | {"textures": textures}):
+    for options in (simple, other, simple | {"textures": textures}):
         (source,) = load_mixture(path, size=SIZE, seed=3, needs_masks=False, **options)
         images.append(next(iter(source.stream(0)))["image"].numpy())
-    plain, other, textured = images
-    assert (plain != other).any() and (plain != textured).any()
+    plain, ruled, textured = images
+    assert (plain != ruled).any() and (plain != textured).any()
 
 
 @pytest.mark.parametrize("stream", ["false", "true"])

@@ -1,6 +1,7 @@
 """Things beside the leaf never cover it."""
 
 import dataclasses
+import functools
 import math
 from pathlib import Path
 
@@ -24,6 +25,7 @@ BRIGHT = tf.fill([3, *SIZE], 2.0)
 """An image brighter than any prop, on which every prop is visible."""
 
 
+@functools.cache
 def lay_out(index: int) -> tuple[Scene, SceneLayout, np.ndarray]:
     """Return a scene, its layout, and the pixels [H, W] of its leaf."""
     scene = sample_scene(4, index, RANGES)

@@ -29,10 +29,11 @@ from laesi_tf.training import config_files, loop, run_directory
 from laesi_tf.training.trainer import Trainer
 
 HERE = Path(__file__).parent
+pytestmark = pytest.mark.usefixtures("tiny_backbone")
 
 
 @pytest.fixture(scope="module")
-def finished_run(tmp_path_factory):
+def finished_run(tiny_backbone, tmp_path_factory):
     """A run that nothing interrupted."""
     out = tmp_path_factory.mktemp("runs") / "finished_run"
     return fit_discs(tiny_config(), out)
@@ -76,8 +77,10 @@ def test_tensorboard_shows_the_history(finished_run):
 STUCK = """
 import sys, time
 from pathlib import Path
+import tiny_backbone
 from disc_runs import disc_stream, fit_discs, tiny_config
 
+tiny_backbone.install()
 opened = []
 
 def stuck(start):

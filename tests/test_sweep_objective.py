@@ -32,8 +32,11 @@ NUMBERS = [n for n, p in enumerate(POINTS) if (p.start, p.optimizer) == ("small_
 SEARCHED = FACTORS | {"start": ("small_imagenet",), "optimizer": ("sgd",)}
 
 
+pytestmark = pytest.mark.usefixtures("tiny_backbone")
+
+
 @pytest.fixture(scope="module")
-def shared() -> TrialRunner:
+def shared(tiny_backbone: None) -> TrialRunner:
     return make_runner()
 
 

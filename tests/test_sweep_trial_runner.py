@@ -29,8 +29,11 @@ NADAM = Point("small_imagenet", "nadam", "cosine", "all")
 PLAIN = Point("small_imagenet", "nadam", "constant", "none")
 
 
+pytestmark = pytest.mark.usefixtures("tiny_backbone")
+
+
 @pytest.fixture(scope="module")
-def shared() -> TrialRunner:
+def shared(tiny_backbone: None) -> TrialRunner:
     return make_runner()
 
 

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from scenes import only
 
 from laesi_tf import train
 from laesi_tf.common import run_files
@@ -22,12 +23,16 @@ TINY = [
 ]
 
 
+@pytest.mark.usefixtures("tiny_backbone")
 @pytest.mark.parametrize("task", ["area", "mask"])
 def test_it_trains_on_live_scenes(tmp_path, capsys, task):
     (tmp_path / "c.toml").write_text(f'task = "{task}"\nsteps = 99\nseed = 4\n')
+    ranges = tmp_path / "simple.toml"
+    ranges.write_text(f"without = {sorted(only('ruling').without)}\n")
     json_path = tmp_path / "metrics.json"
     out = tmp_path / "run"
-    train.main([f"--config={tmp_path / 'c.toml'}", f"--out={out}", f"--json={json_path}", *TINY])
+    files = [f"--config={tmp_path / 'c.toml'}", f"--ranges={ranges}", f"--out={out}", f"--json={json_path}"]
+    train.main([*files, *TINY])
     metrics = json.loads(json_path.read_text())
     assert metrics == json.loads((out / run_files.METRICS_FILE).read_text())
     assert metrics["n"] == 8

@@ -18,10 +18,11 @@ from laesi_tf.data.letterbox import Letterbox, letterbox_image
 from laesi_tf.estimators.leaf_candidates import (
     LeafCandidate,
     LeafDetectorParams,
-    box_iou,
     extract_candidates,
+    largest_iou,
     remove_duplicates,
     square_around,
+    stack_boxes,
 )
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 
@@ -117,11 +118,9 @@ class LeafDetector:
         side = self._params.confirmation_side
         boxes = [square_around(candidate.box, side * candidate.length) for candidate in candidates]
         again = self._segment_crops(pyramid, boxes, self._params.leaf_probability)
-        return [
-            candidate
-            for candidate in candidates
-            if any(box_iou(candidate.box, other.box) > self._params.confirmation_iou for other in again)
-        ]
+        seen = stack_boxes([candidate.box for candidate in again])
+        least = self._params.confirmation_iou
+        return [candidate for candidate in candidates if largest_iou(candidate.box, seen) > least]
 
     def _tile_photo(self, size: ImageSize, leaf: float) -> Iterator[Points]:
         """Yield overlapping squares [2, 2] over a photo whose leaves are `leaf` pixels long."""
@@ -145,13 +144,13 @@ class LeafDetector:
         waiting = self._drop_similar_boxes(boxes, tried)
         for _ in range(params.max_rounds):
             tried += waiting
-            following = []
+            tried_boxes, following = stack_boxes(tried), []
             crops = [self._crop_square(box, min_side) for box in waiting]
             min_side = 0.0
             for candidate in self._segment_crops(pyramid, crops, params.leaf_probability):
                 if candidate.fill_ratio < params.negligible_fill:
                     continue
-                was_tried = any(box_iou(candidate.box, box) > params.duplicate_iou for box in tried)
+                was_tried = largest_iou(candidate.box, tried_boxes) > params.duplicate_iou
                 if not candidate.is_inside_crop:
                     following.append(self._crop_square(candidate.box, 0.0))
                 elif was_tried or params.min_fill <= candidate.fill_ratio <= params.max_fill:
@@ -188,11 +187,14 @@ class LeafDetector:
 
     def _drop_similar_boxes(self, boxes: Sequence[Points], tried: Sequence[Points]) -> list[Points]:
         """Return `boxes` without those that overlap much with another of them or with one of `tried`."""
+        most, tried_boxes = self._params.duplicate_iou, stack_boxes(tried)
         kept: list[Points] = []
         for box in boxes:
-            if all(box_iou(box, other) <= self._params.duplicate_iou for other in [*tried, *kept]):
+            if len(kept) == self._params.max_crops:
+                break
+            if largest_iou(box, tried_boxes) <= most and largest_iou(box, stack_boxes(kept)) <= most:
                 kept.append(box)
-        return kept[: self._params.max_crops]
+        return kept
 
     def _crop_square(self, box: Points, min_side: float) -> Points:
         """Return the square [2, 2] to crop around `box`, at least `min_side` photo pixels wide."""
