@@ -45,15 +45,22 @@ class SharedLayers(NamedTuple):
     leaf: LeafInputs
 
 
-def render_scene(scene: Scene, size: ImageSize, *, textures: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
+def render_scene(
+    scene: Scene,
+    size: ImageSize,
+    *,
+    layout: SceneLayout | None = None,
+    textures: tf.Tensor | None = None,
+) -> dict[str, tf.Tensor]:
     """Render a scene as an image of `size` (height, width) in pixels.
 
+    `layout` replaces the scene's own, for another view of it.
     `textures` [N, T, T, 3] are photos of leaves relative to mean 1. Returns `image` uint8 [H, W, 3], `mask`
     uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area centroid) and `tilt_deg` float32 [], `to_px`
     float32 [3, 3] (homography from sheet mm to pixels), and `kind` int32 [], the position of the leaf's kind
     in the ranges.
     """
-    layers = _prepare_layers(scene, size, textures)
+    layers = _prepare_layers(scene, layout or compute_layout(scene, size), size, textures)
     px_per_mm = layers.layout.view.px_per_mm
     image, mask = kernels.composite_leaf(
         layers.background,
@@ -71,7 +78,7 @@ def render_lighting_passes(
 ) -> list[dict[str, tf.Tensor]]:
     """Render scenes that differ in their light only; returns one sample per scene, as `render_scene` does."""
     first = scenes[0]
-    layers = _prepare_layers(first, size, textures)
+    layers = _prepare_layers(first, compute_layout(first, size), size, textures)
     px_per_mm = layers.layout.view.px_per_mm
     leaf, mask = kernels.paint_leaf(layers.leaf, first.surface, px_per_mm, size, _enabled(first, *_LEAF))
     samples = []
@@ -81,9 +88,10 @@ def render_lighting_passes(
     return samples
 
 
-def _prepare_layers(scene: Scene, size: ImageSize, textures: tf.Tensor | None) -> SharedLayers:
-    """Lay out the scene, paint sheet, desk and props, and rasterise the edges of the leaf."""
-    layout = compute_layout(scene, size)
+def _prepare_layers(
+    scene: Scene, layout: SceneLayout, size: ImageSize, textures: tf.Tensor | None
+) -> SharedLayers:
+    """Paint sheet, desk and props, and rasterise the edges of the leaf."""
     background = _paint_sheet(scene, layout, size)
     background = draw_props(background, scene, layout, size)
     return SharedLayers(layout, background, _prepare_leaf(scene, layout, size, textures))

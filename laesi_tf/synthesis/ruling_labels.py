@@ -1,0 +1,186 @@
+"""What can be seen of a ruling in each cell of a finished image: the labels of the ruling network.
+
+A printed line may be drowned by blur, covered, or lost in JPEG's blocks, so the image itself is asked. The
+phase of every printed wave is known; a wave is visible where the image correlates with it much better than
+with waves of nearby periods that nobody printed. Not to be compiled: XLA takes four times as long.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.synthesis.paper.params import PaperParams
+from laesi_tf.synthesis.paper.ruling import line_distances_mm, printed_periods_mm
+from laesi_tf.synthesis.ranges import Scalar
+
+CELL_PX = 16
+LEVELS = 3
+"""A sheet has fine lines and up to two heavier families at multiples of their distance."""
+YES = 1.0
+NO = 0.0
+UNDECIDED = -1.0
+_UNPRINTED = (0.79, 1.27)
+"""Frequencies of the waves that are compared with, relative to the printed one; no line's harmonics are
+near."""
+_FAINTEST = 0.0012
+"""Amplitude, on the scale 0..1, that the image's 8 bits leave uncertain; added to the unprinted waves'."""
+_CLEAR, _UNCLEAR = 2.5, 1.5
+"""A wave this many times above the unprinted ones is visible; below the second number it is not."""
+_REACHES = (1, 3, 5)
+_REACH_LIMITS_PX = (9.0, 16.0)
+"""Waves are compared over so many cells each way, for periods up to the limits and for longer ones."""
+_MOSTLY_RULED = 0.2
+"""Share of visible cells from which a crop shows enough of the sheet to doubt the others."""
+_LOCAL, _NOT_LOCAL = 0.4, 0.15
+"""The printed wave, in its phase, has this share of its amplitude in the 3 x 3 cells around one where it is
+visible; below the second number something covers it."""
+_HALF_LINE = 0.3
+"""Half the width of what is left out around heavier lines, in fine periods."""
+
+
+class RulingLabels(NamedTuple):
+    """Labels of the cells [h, w] of CELL_PX x CELL_PX pixels, each float32.
+
+    `readable`: YES where two crossing families of lines can be seen, NO, or UNDECIDED.
+    `finest_uncertain`: YES where lines are printed that are finer than those that can be seen, NO
+    where the finest lines can be seen, else UNDECIDED. `log_period` and `log_heaviest`: ln of pixels per
+    period of the finest and of the heaviest visible lines, geometric means of both families. `direction`:
+    that across the lines, 0..1 in units of 90 degrees.
+    """
+
+    readable: tf.Tensor
+    finest_uncertain: tf.Tensor
+    log_period: tf.Tensor
+    log_heaviest: tf.Tensor
+    direction: tf.Tensor
+
+
+def label_ruling(
+    image: tf.Tensor, leaf: tf.Tensor, paper: PaperParams[Scalar], to_px: tf.Tensor
+) -> RulingLabels:
+    """Label the cells of `image` uint8 [H, W, 3], H and W multiples of CELL_PX.
+
+    `leaf` [H, W] is 1 where a leaf covers the sheet; `to_px` [3, 3] maps sheet mm to pixels.
+    """
+    height, width, _ = image.shape
+    periods_mm = printed_periods_mm(paper)
+    lines_mm = line_distances_mm(paper, to_px, (height, width))
+    grey = tf.reduce_mean(tf.cast(image, tf.float32), -1) / 255
+    cells = _mean_in_cells(tf.concat([lines_mm, tf.cast(leaf, tf.float32)[None]], 0))
+    gradients = _gradients(cells[:2])
+    covered = cells[2] > 0.5
+    log_mm_per_px = 0.25 * tf.reduce_sum(tf.math.log(tf.reduce_sum(gradients**2, 1) + 1e-12), 0)
+    levels = [_measure_level(grey, lines_mm, periods_mm, level, log_mm_per_px) for level in range(LEVELS)]
+    contrast, share = tf.stack([level[0] for level in levels]), tf.stack([level[1] for level in levels])
+    printed = periods_mm[:, None, None] > 0
+    seen = printed & (contrast > _CLEAR) & (share > _LOCAL) & ~covered
+    maybe = printed & (contrast > _UNCLEAR) & (share > _NOT_LOCAL) & ~covered
+    any_seen = tf.reduce_any(seen, 0)
+    # Beside heavy lines the fine ones are there too, although their own wave does not stand out.
+    is_ruled = tf.reduce_mean(tf.cast(any_seen, tf.float32)) > _MOSTLY_RULED
+    beside = is_ruled & printed & (share > _NOT_LOCAL) & ~covered
+    undecided = tf.reduce_any(maybe | beside, 0)
+    finest = tf.argmax(tf.cast(seen, tf.int32), 0)
+    heaviest = LEVELS - 1 - tf.argmax(tf.cast(seen[::-1], tf.int32), 0)
+    hidden = tf.where(seen[0], NO, tf.where(maybe[0], UNDECIDED, YES))
+    log_periods = tf.math.log(tf.maximum(periods_mm, 1e-3))
+    return RulingLabels(
+        readable=tf.where(any_seen, YES, tf.where(undecided, UNDECIDED, NO)),
+        finest_uncertain=tf.where(any_seen, hidden, UNDECIDED),
+        log_period=tf.gather(log_periods, finest) - log_mm_per_px,
+        log_heaviest=tf.gather(log_periods, heaviest) - log_mm_per_px,
+        direction=_direction(gradients),
+    )
+
+
+def _measure_level(
+    grey: tf.Tensor, lines_mm: tf.Tensor, periods_mm: tf.Tensor, level: int, log_mm_per_px: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return how far a level's waves stand out above unprinted ones, and the share of them that is in the
+    cell itself: [h, w] each, of the family where it is less."""
+    period = tf.maximum(periods_mm[level], 1e-3)
+    turns = lines_mm / period
+    kept = 1 - _near_heavier_lines(lines_mm, periods_mm, level)
+    period_px = tf.exp(tf.math.log(period) - tf.reduce_mean(log_mm_per_px))
+    amplitudes = [_correlate(grey, kept, turns * frequency, period_px) for frequency in (1.0, *_UNPRINTED)]
+    wide, local = amplitudes[0]
+    printed = tf.abs(wide)
+    unprinted = tf.reduce_mean(tf.stack([tf.abs(other) for other, _ in amplitudes[1:]]), 0)
+    share = tf.math.real(local * tf.math.conj(wide)) / (printed**2 + _FAINTEST**2)
+    return tf.reduce_min(printed / (unprinted + _FAINTEST), 0), tf.reduce_min(share, 0)
+
+
+def _near_heavier_lines(lines_mm: tf.Tensor, periods_mm: tf.Tensor, level: int) -> tf.Tensor:
+    """Return 1 [H, W] near heavier lines than those of `level`: they are waves of every multiple of their
+    frequency, the fine lines' included."""
+    near = tf.zeros(lines_mm.shape[1:], tf.bool)
+    for spacing in tf.unstack(periods_mm)[level + 1 :]:
+        turns = lines_mm / tf.maximum(spacing, 1e-3)
+        distance = tf.abs(turns - tf.round(turns)) * spacing
+        near |= tf.reduce_any((distance < _HALF_LINE * periods_mm[0]) & (spacing > 0), 0)
+    return tf.cast(near, tf.float32)
+
+
+def _correlate(
+    grey: tf.Tensor, kept: tf.Tensor, turns: tf.Tensor, period_px: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the amplitudes, complex [2, h, w], of waves with phase `turns` [2, H, W] in `grey` where it is
+    `kept`: over a neighbourhood that holds several periods, and over 3 x 3 cells."""
+    cosine, sine = kept * tf.cos(2 * math.pi * turns), kept * tf.sin(2 * math.pi * turns)
+    fields = tf.concat([(kept * grey)[None], kept[None], cosine, sine, grey * cosine, grey * sine], 0)
+    cells = _mean_in_cells(fields)
+    reach = tf.reduce_sum(tf.cast(period_px > tf.constant(_REACH_LIMITS_PX), tf.int32))
+    wide, local = (_average_neighbours(cells, reaching) for reaching in (reach, tf.constant(0)))
+    return _amplitude(wide), _amplitude(local)
+
+
+def _amplitude(mean: tf.Tensor) -> tf.Tensor:
+    """Return the amplitudes, complex [2, h, w], from the means [10, h, w] of `_correlate`'s fields."""
+    share = mean[1] + 1e-3
+    level = mean[0] / share
+    return tf.complex(
+        (mean[6:8] - level * mean[2:4]) / share,
+        (mean[8:10] - level * mean[4:6]) / share,
+    )
+
+
+def _mean_in_cells(fields: tf.Tensor) -> tf.Tensor:
+    """Average `fields` [n, H, W] over cells: [n, h, w]."""
+    rows, columns = (_cell_means(side) for side in fields.shape[1:])
+    return tf.matmul(rows, tf.matmul(fields, columns, transpose_b=True))
+
+
+def _cell_means(side: int) -> np.ndarray:
+    """Return the matrix [side / CELL_PX, side] that averages the pixels of each cell along one axis."""
+    return np.kron(np.eye(side // CELL_PX), np.full(CELL_PX, 1 / CELL_PX)).astype(np.float32)
+
+
+def _average_neighbours(cells: tf.Tensor, reach: tf.Tensor) -> tf.Tensor:
+    """Average [n, h, w] over the neighbours up to _REACHES[reach] cells away, at the border over fewer."""
+    rows, columns = (tf.gather(tf.constant(_bands(side)), reach) for side in cells.shape[1:])
+    return tf.matmul(tf.matmul(rows, cells), columns, transpose_b=True)
+
+
+def _bands(side: int) -> np.ndarray:
+    """Return the matrices [reaches, side, side] that average each entry with its neighbours."""
+    distance = np.abs(np.subtract.outer(np.arange(side), np.arange(side)))
+    near = np.stack([distance <= reach for reach in _REACHES]).astype(np.float32)
+    return near / near.sum(-1, keepdims=True)
+
+
+def _gradients(cells: tf.Tensor) -> tf.Tensor:
+    """Return the change per pixel, [2 families, 2 (x, y), h, w], of `cells` [2, h, w]."""
+    inner = [
+        (cells[:, 1:-1, 2:] - cells[:, 1:-1, :-2]) / (2 * CELL_PX),
+        (cells[:, 2:, 1:-1] - cells[:, :-2, 1:-1]) / (2 * CELL_PX),
+    ]
+    return tf.pad(tf.stack(inner, 1), [[0, 0], [0, 0], [1, 1], [1, 1]], "SYMMETRIC")
+
+
+def _direction(gradients: tf.Tensor) -> tf.Tensor:
+    """Return the direction across the lines modulo 90 degrees, in units of 90 degrees: [h, w]."""
+    angle = 4 * tf.atan2(gradients[:, 1], gradients[:, 0])
+    mean = tf.atan2(tf.reduce_sum(tf.sin(angle), 0), tf.reduce_sum(tf.cos(angle), 0))
+    return tf.math.floormod(mean / (2 * math.pi), 1.0)
