@@ -167,7 +167,8 @@ def _bands(side: int) -> np.ndarray:
     """Return the matrices [reaches, side, side] that average each entry with its neighbours."""
     distance = np.abs(np.subtract.outer(np.arange(side), np.arange(side)))
     near = np.stack([distance <= reach for reach in _REACHES]).astype(np.float32)
-    return near / near.sum(-1, keepdims=True)
+    bands: np.ndarray = near / near.sum(-1, keepdims=True)
+    return bands
 
 
 def _gradients(cells: tf.Tensor) -> tf.Tensor:

@@ -49,7 +49,7 @@ class Task(abc.ABC):
         self.config = config
         self.loss_name = self.losses[0] if config.loss == "auto" else config.loss
 
-    def renderer(self) -> "Callable[..., Mapping[str, tf.Tensor]]":
+    def renderer(self) -> "Callable[..., dict[str, tf.Tensor]]":
         """Return the function that renders sample `index` of `seed`, with the arguments of `synthesise`."""
         from laesi_tf.synthesis import synthesise
 
