@@ -29,7 +29,7 @@ from laesi_tf.synthesis.props.registry import SampledProp
 from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout
 
-_SHEET = ("paper_noise", "crease", "ruling", "desk")
+_SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk")
 _LEAF = ("surface", "browned_margin", "spots", "veins", "undulation", "relief")
 _LIGHT = ("illumination", "glass", "development")
 
@@ -110,7 +110,9 @@ def _paint_sheet(scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tenso
     """Paint sheet noise, crease and ruling, and the desk around the sheet: [3, H, W]."""
     components, cells = _enabled(scene, *_SHEET), None
     if "ruling" in components:
-        cells = kernels.compute_ruling_cells(scene.paper, layout.view.to_px, size)
+        cells = kernels.compute_ruling_cells(
+            scene.paper, layout.view.to_px, size, _enabled(scene, "paper_kinds")
+        )
     return kernels.paint_sheet_and_desk(
         scene.paper,
         scene.numbers.sheet,

@@ -54,7 +54,11 @@ def paint_sheet_and_desk(
             lambda: shade + crease_shading(paper, *pixel_centres_to_sheet(view.to_px, size), view.fov_mm),
             lambda: shade,
         )
-    if ruling_cells is not None:
+    if ruling_cells is not None and "paper_kinds" in components:
+        samples = ruling.samples_of_any_kind(size)
+        transmission = ruling.pack_kind_transmission(paper, samples, 1 / view.px_per_mm)
+        coverage = ruling.look_up_line_coverage(transmission, ruling_cells, dotted=paper.dotted)
+    elif ruling_cells is not None:
         transmission = ruling.pack_line_transmission(paper, ruling.samples_per_mm(size), 1 / view.px_per_mm)
         coverage = ruling.look_up_line_coverage(transmission, ruling_cells)
 
