@@ -8,7 +8,14 @@ import tensorflow as tf
 from scenes import RENDERING_2, changed, middle
 
 from laesi_tf.synthesis import sample_scene
-from laesi_tf.synthesis.paper.kinds import PAPER_KINDS, finest_mm, has_ruling, heaviest_mm
+from laesi_tf.synthesis.paper.kinds import (
+    PAPER_KINDS,
+    crossed_periods_mm,
+    distances_to_common_lines,
+    finest_mm,
+    has_ruling,
+    heaviest_mm,
+)
 from laesi_tf.synthesis.paper.params import KIND_NAMES, PaperParams
 from laesi_tf.synthesis.paper.ruling import (
     compute_ink_absorbance,
@@ -102,3 +109,18 @@ def test_left_out_kinds_leave_millimetre_paper() -> None:
     assert not RENDERING_2.has("paper_kinds") and phone.has("paper_kinds")
     bare = dataclasses.replace(phone, without=frozenset({"ruling"}))
     assert not bool(sample_scene(0, 0, bare).has_ruling)
+
+
+@pytest.mark.parametrize("kind", [name for name, (finest, _) in TRUTH.items() if finest])
+def test_ink_is_darkest_on_lines_that_belong_to_all_families(kind: str) -> None:
+    sheet = sheet_of(kind, phase_x=3.7, phase_y=8.1)
+    place = tf.range(0.0, 30.0, 0.01)[None]
+    distances = distances_to_common_lines(sheet, place, place).numpy()
+    period = float(crossed_periods_mm(sheet).numpy().max())
+    transmission = pack_kind_transmission(sheet, 2540, tf.constant(0.05))
+    for axis in range(2):
+        only = [place if axis == along else tf.fill(place.shape, place[0, 0]) for along in range(2)]
+        coverage = look_up_line_coverage(transmission, kind_cells(sheet, 2540, *only), dotted=sheet.dotted)
+        ink = compute_ink_absorbance(sheet, *coverage).numpy()[1]
+        off = np.abs(distances[axis] - period * np.round(distances[axis] / period))
+        assert ink[off < 0.02].min() > 0.95 * ink.max()

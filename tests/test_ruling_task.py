@@ -35,7 +35,7 @@ def draw(paper, *, px_per_mm: float, angle: float, strength: float, heavy: float
     centres = np.arange(SIDE) + 0.5
     x, y = np.meshgrid(centres, centres)
     on_sheet = np.stack([x * cosine + y * sine, y * cosine - x * sine]) / px_per_mm
-    on_sheet += np.array([float(paper.phase_x), float(paper.phase_y)])[:, None, None] - 5
+    on_sheet += np.array([float(paper.phase_x), float(paper.phase_y)])[:, None, None]
     families = [(1, strength), (5, heavy * bool(paper.has_5mm)), (10, heavy * bool(paper.has_10mm))]
     image = np.full((SIDE, SIDE), 0.9)
     for period, depth in families:

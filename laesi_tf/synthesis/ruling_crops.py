@@ -12,7 +12,7 @@ from laesi_tf.synthesis import renderer
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.camera.view import CameraView
 from laesi_tf.synthesis.geometry import ImageSize, project_points, px_per_mm_at
-from laesi_tf.synthesis.paper import ruling
+from laesi_tf.synthesis.paper.kinds import spacing_mm
 from laesi_tf.synthesis.ranges import Scalar
 from laesi_tf.synthesis.ruling_labels import label_ruling
 from laesi_tf.synthesis.scene import Scene
@@ -34,7 +34,7 @@ def render_ruling_crop(
     """
     whole = renderer.compute_layout(scene, size)
     period_px = log_uniform(_PERIOD_PX, numbers[0])
-    px_per_mm = period_px / ruling.finest_period_mm(scene.paper)
+    px_per_mm = period_px / spacing_mm(scene.paper)
     view = crop_view(whole.view, size, place=numbers[1:3], px_per_mm=px_per_mm)
     camera = set_blur(scene.camera, log_uniform(_BLUR_PX, numbers[3]) / px_per_mm)
     crop = dataclasses.replace(scene, camera=camera)

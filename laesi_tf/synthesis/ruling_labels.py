@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.synthesis.geometry import pixel_centres_to_sheet
+from laesi_tf.synthesis.paper.kinds import crossed_periods_mm, distances_to_common_lines
 from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.paper.ruling import line_distances_mm, printed_periods_mm
 from laesi_tf.synthesis.ranges import Scalar
 
 CELL_PX = 16
@@ -27,17 +28,17 @@ near."""
 _FAINTEST = 0.0012
 """Amplitude, on the scale 0..1, that the image's 8 bits leave uncertain; added to the unprinted waves'."""
 _CLEAR, _UNCLEAR = 2.5, 1.5
-"""A wave this many times above the unprinted ones is visible; below the second number it is not."""
-_REACHES = (1, 3, 5)
+"""A wave this many times above the unprinted ones is visible; below the second number it is hidden."""
+_REACHES = ((1, 1), (3, 1), (5, 2))
 _REACH_LIMITS_PX = (9.0, 16.0)
-"""Waves are compared over so many cells each way, for periods up to the limits and for longer ones."""
-_MOSTLY_RULED = 0.2
-"""Share of visible cells from which a crop shows enough of the sheet to doubt the others."""
-_LOCAL, _NOT_LOCAL = 0.4, 0.15
-"""The printed wave, in its phase, has this share of its amplitude in the 3 x 3 cells around one where it is
-visible; below the second number something covers it."""
-_HALF_LINE = 0.3
-"""Half the width of what is left out around heavier lines, in fine periods."""
+"""Waves are sought over so many cells each way, and in so many around the cell itself, for periods up to the
+limits and for longer ones."""
+_LONGEST_PX = 40.0
+"""Lines farther apart are not looked for: coarser levels of a photo's pyramid show them."""
+_LOCAL = 0.4
+"""The printed wave, in its phase, has this share of its amplitude around a cell where it is visible."""
+_HALF_LINE, _HALF_COARSE_LINE = 0.5, 0.3
+"""Half the width of what is left out around heavier lines, in fine periods: below 16 px and above."""
 
 
 class RulingLabels(NamedTuple):
@@ -58,37 +59,35 @@ class RulingLabels(NamedTuple):
 
 
 def label_ruling(
-    image: tf.Tensor, leaf: tf.Tensor, paper: PaperParams[Scalar], to_px: tf.Tensor
+    image: tf.Tensor, bare_sheet: tf.Tensor, paper: PaperParams[Scalar], to_px: tf.Tensor
 ) -> RulingLabels:
     """Label the cells of `image` uint8 [H, W, 3], H and W multiples of CELL_PX.
 
-    `leaf` [H, W] is 1 where a leaf covers the sheet; `to_px` [3, 3] maps sheet mm to pixels.
+    `bare_sheet` [H, W] is 1 where the printed sheet is not covered by a leaf; `to_px` [3, 3] maps sheet mm to
+    pixels.
     """
     height, width, _ = image.shape
-    periods_mm = printed_periods_mm(paper)
-    lines_mm = line_distances_mm(paper, to_px, (height, width))
     grey = tf.reduce_mean(tf.cast(image, tf.float32), -1) / 255
-    cells = _mean_in_cells(tf.concat([lines_mm, tf.cast(leaf, tf.float32)[None]], 0))
+    periods_mm = crossed_periods_mm(paper)
+    lines_mm = distances_to_common_lines(paper, *pixel_centres_to_sheet(to_px, (height, width)))
+    cells = _mean_in_cells(tf.concat([lines_mm, tf.cast(bare_sheet, tf.float32)[None]], 0))
     gradients = _gradients(cells[:2])
-    covered = cells[2] > 0.5
     log_mm_per_px = 0.25 * tf.reduce_sum(tf.math.log(tf.reduce_sum(gradients**2, 1) + 1e-12), 0)
     levels = [_measure_level(grey, lines_mm, periods_mm, level, log_mm_per_px) for level in range(LEVELS)]
-    contrast, share = tf.stack([level[0] for level in levels]), tf.stack([level[1] for level in levels])
-    printed = periods_mm[:, None, None] > 0
-    seen = printed & (contrast > _CLEAR) & (share > _LOCAL) & ~covered
-    maybe = printed & (contrast > _UNCLEAR) & (share > _NOT_LOCAL) & ~covered
-    any_seen = tf.reduce_any(seen, 0)
-    # Beside heavy lines the fine ones are there too, although their own wave does not stand out.
-    is_ruled = tf.reduce_mean(tf.cast(any_seen, tf.float32)) > _MOSTLY_RULED
-    beside = is_ruled & printed & (share > _NOT_LOCAL) & ~covered
-    undecided = tf.reduce_any(maybe | beside, 0)
+    contrast, share = (tf.stack(part) for part in zip(*levels, strict=True))
+    period_px = periods_mm * tf.exp(-tf.reduce_mean(log_mm_per_px))
+    is_sought = ((periods_mm > 0) & (period_px < _LONGEST_PX))[:, None, None] & (cells[2] > 0.5)
+    seen = is_sought & (contrast > _CLEAR) & (share > _LOCAL)
+    is_readable = tf.reduce_any(seen, 0)
+    # Faint lines on bare paper may be found or not: what they look like is neither a ruling nor none.
+    is_bare_ruling = (cells[2] > 0) & (periods_mm[0] > 0)
+    hidden = tf.where(seen[0], NO, tf.where(contrast[0] > _UNCLEAR, UNDECIDED, YES))
     finest = tf.argmax(tf.cast(seen, tf.int32), 0)
     heaviest = LEVELS - 1 - tf.argmax(tf.cast(seen[::-1], tf.int32), 0)
-    hidden = tf.where(seen[0], NO, tf.where(maybe[0], UNDECIDED, YES))
     log_periods = tf.math.log(tf.maximum(periods_mm, 1e-3))
     return RulingLabels(
-        readable=tf.where(any_seen, YES, tf.where(undecided, UNDECIDED, NO)),
-        finest_uncertain=tf.where(any_seen, hidden, UNDECIDED),
+        readable=tf.where(is_readable, YES, tf.where(is_bare_ruling, UNDECIDED, NO)),
+        finest_uncertain=tf.where(is_readable, hidden, UNDECIDED),
         log_period=tf.gather(log_periods, finest) - log_mm_per_px,
         log_heaviest=tf.gather(log_periods, heaviest) - log_mm_per_px,
         direction=_direction(gradients),
@@ -102,9 +101,11 @@ def _measure_level(
     cell itself: [h, w] each, of the family where it is less."""
     period = tf.maximum(periods_mm[level], 1e-3)
     turns = lines_mm / period
-    kept = 1 - _near_heavier_lines(lines_mm, periods_mm, level)
-    period_px = tf.exp(tf.math.log(period) - tf.reduce_mean(log_mm_per_px))
-    amplitudes = [_correlate(grey, kept, turns * frequency, period_px) for frequency in (1.0, *_UNPRINTED)]
+    px_per_mm = tf.exp(-tf.reduce_mean(log_mm_per_px))
+    kept = 1 - _near_heavier_lines(lines_mm, periods_mm, level, periods_mm[0] * px_per_mm)
+    amplitudes = [
+        _correlate(grey, kept, turns * frequency, period * px_per_mm) for frequency in (1.0, *_UNPRINTED)
+    ]
     wide, local = amplitudes[0]
     printed = tf.abs(wide)
     unprinted = tf.reduce_mean(tf.stack([tf.abs(other) for other, _ in amplitudes[1:]]), 0)
@@ -112,14 +113,17 @@ def _measure_level(
     return tf.reduce_min(printed / (unprinted + _FAINTEST), 0), tf.reduce_min(share, 0)
 
 
-def _near_heavier_lines(lines_mm: tf.Tensor, periods_mm: tf.Tensor, level: int) -> tf.Tensor:
+def _near_heavier_lines(
+    lines_mm: tf.Tensor, periods_mm: tf.Tensor, level: int, fine_px: tf.Tensor
+) -> tf.Tensor:
     """Return 1 [H, W] near heavier lines than those of `level`: they are waves of every multiple of their
-    frequency, the fine lines' included."""
+    frequency, the fine lines' included. `fine_px` are the pixels per fine period."""
     near = tf.zeros(lines_mm.shape[1:], tf.bool)
+    half_mm = periods_mm[0] * tf.where(fine_px > _REACH_LIMITS_PX[-1], _HALF_COARSE_LINE, _HALF_LINE)
     for spacing in tf.unstack(periods_mm)[level + 1 :]:
         turns = lines_mm / tf.maximum(spacing, 1e-3)
         distance = tf.abs(turns - tf.round(turns)) * spacing
-        near |= tf.reduce_any((distance < _HALF_LINE * periods_mm[0]) & (spacing > 0), 0)
+        near |= tf.reduce_any((distance < half_mm) & (spacing > 0), 0)
     return tf.cast(near, tf.float32)
 
 
@@ -127,12 +131,13 @@ def _correlate(
     grey: tf.Tensor, kept: tf.Tensor, turns: tf.Tensor, period_px: tf.Tensor
 ) -> tuple[tf.Tensor, tf.Tensor]:
     """Return the amplitudes, complex [2, h, w], of waves with phase `turns` [2, H, W] in `grey` where it is
-    `kept`: over a neighbourhood that holds several periods, and over 3 x 3 cells."""
+    `kept`: over a neighbourhood that holds several periods, and over the nearest cells."""
     cosine, sine = kept * tf.cos(2 * math.pi * turns), kept * tf.sin(2 * math.pi * turns)
     fields = tf.concat([(kept * grey)[None], kept[None], cosine, sine, grey * cosine, grey * sine], 0)
     cells = _mean_in_cells(fields)
     reach = tf.reduce_sum(tf.cast(period_px > tf.constant(_REACH_LIMITS_PX), tf.int32))
-    wide, local = (_average_neighbours(cells, reaching) for reaching in (reach, tf.constant(0)))
+    rows, columns = (tf.gather(tf.constant(_bands(side)), reach) for side in cells.shape[1:])
+    wide, local = (rows[kind] @ cells @ tf.transpose(columns[kind]) for kind in range(2))
     return _amplitude(wide), _amplitude(local)
 
 
@@ -157,16 +162,10 @@ def _cell_means(side: int) -> np.ndarray:
     return np.kron(np.eye(side // CELL_PX), np.full(CELL_PX, 1 / CELL_PX)).astype(np.float32)
 
 
-def _average_neighbours(cells: tf.Tensor, reach: tf.Tensor) -> tf.Tensor:
-    """Average [n, h, w] over the neighbours up to _REACHES[reach] cells away, at the border over fewer."""
-    rows, columns = (tf.gather(tf.constant(_bands(side)), reach) for side in cells.shape[1:])
-    return tf.matmul(tf.matmul(rows, cells), columns, transpose_b=True)
-
-
 def _bands(side: int) -> np.ndarray:
-    """Return the matrices [reaches, side, side] that average each entry with its neighbours."""
+    """Return the matrices [3, 2, side, side] that average entries with neighbours, as _REACHES says."""
     distance = np.abs(np.subtract.outer(np.arange(side), np.arange(side)))
-    near = np.stack([distance <= reach for reach in _REACHES]).astype(np.float32)
+    near = (distance <= np.array(_REACHES)[..., None, None]).astype(np.float32)
     bands: np.ndarray = near / near.sum(-1, keepdims=True)
     return bands
 

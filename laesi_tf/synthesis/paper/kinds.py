@@ -24,6 +24,8 @@ class PaperKind(NamedTuple):
 
 
 INCH_MM = 25.4
+PHASE_PERIOD_MM = 10
+"""`PaperParams.phase_*` of this many mm are a whole period of any kind."""
 PAPER_KINDS = {
     # Which of its heavier families a sheet has is sampled: 1-5-10, 1-10 and 1-5 mm.
     "millimetre": PaperKind(10, (10, 2, 1)),
@@ -84,3 +86,22 @@ def heaviest_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
 def has_ruling(paper: PaperParams[Scalar]) -> tf.Tensor:
     """Return whether a sheet has lines or dots in two directions: bool []."""
     return finest_mm(paper) > 0
+
+
+def spacing_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
+    """Return the distance in mm of the finest lines, in one direction or two: []; any for plain sheets."""
+    lines = printed_lines(paper)
+    return lines.period_mm / tf.maximum(lines.per_period[0], 1)
+
+
+def crossed_periods_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
+    """Return the periods in mm of the fine, medium and heavy family that cross another: [3], 0 for none."""
+    lines = printed_lines(paper)
+    return tf.math.divide_no_nan(lines.period_mm, lines.per_period) * tf.cast(lines.is_crossed, tf.float32)
+
+
+def distances_to_common_lines(paper: PaperParams[Scalar], x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
+    """Return the distances [2, ...] in mm of places on the sheet from a line of either direction that belongs
+    to all families."""
+    phases = tf.stack([paper.phase_x, paper.phase_y]) / PHASE_PERIOD_MM * printed_lines(paper).period_mm
+    return tf.stack([x_mm + phases[0], y_mm + phases[1]])

@@ -225,21 +225,3 @@ def ink_absorbances(paper: PaperParams[Scalar]) -> tuple[tf.Tensor, tf.Tensor]:
     fine = 1 - hsv_to_rgb(hue, paper.ink_saturation) * value
     heavy = 1 - hsv_to_rgb(hue + paper.heavy_shift, paper.ink_saturation) * value
     return fine[:, None, None], tf.minimum(heavy * paper.heavy_darkness, 1)[:, None, None]
-
-
-def finest_period_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
-    """Return the distance of the finest printed lines in mm."""
-    return printed_periods_mm(paper)[0]
-
-
-def printed_periods_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
-    """Return the distances [3] in mm of the fine and the heavier lines; 0 for lines that are not printed."""
-    has_10mm = tf.cast(paper.has_10mm | ~paper.has_5mm, tf.float32)
-    return tf.stack([1.0, 5 * tf.cast(paper.has_5mm, tf.float32), 10 * has_10mm])
-
-
-def line_distances_mm(paper: PaperParams[Scalar], to_px: tf.Tensor, size: ImageSize) -> tf.Tensor:
-    """Return the distance [2, H, W] in mm of every pixel centre from a line of each direction that is one of
-    all families."""
-    x, y = pixel_centres_to_sheet(to_px, size)
-    return tf.stack([x + paper.phase_x, y + paper.phase_y]) - PERIOD_MM / 2
