@@ -30,6 +30,7 @@ from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout
 
 _SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk")
+_VIEW = ("lens", "bend")
 _LEAF = ("surface", "browned_margin", "spots", "veins", "undulation", "relief")
 _LIGHT = ("illumination", "glass", "development")
 
@@ -50,8 +51,8 @@ def render_scene(scene: Scene, size: ImageSize, *, textures: tf.Tensor | None = 
 
     `textures` [N, T, T, 3] are photos of leaves relative to mean 1. Returns `image` uint8 [H, W, 3], `mask`
     uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area centroid) and `tilt_deg` float32 [], `to_px`
-    float32 [3, 3] (homography from sheet mm to pixels), and `kind` int32 [], the position of the leaf's kind
-    in the ranges.
+    float32 [3, 3] (homography from sheet mm to pixels, without lens and bend), and `kind` int32 [], the
+    position of the leaf's kind in the ranges.
     """
     layers = _prepare_layers(scene, size, textures)
     px_per_mm = layers.layout.view.px_per_mm
@@ -95,16 +96,16 @@ def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:
     curve = OutlineCurve(points, lengths, geometry.find_segments(lengths, OUTLINE_POINTS))
     # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
     size_tensor = tf.constant(size, tf.float32)
-    return kernels.compute_layout(scene.leaf, scene.camera, curve, scene.numbers.holes, size_tensor)
+    return kernels.compute_layout(
+        scene.leaf, scene.camera, curve, scene.numbers.holes, size_tensor, _enabled(scene, *_VIEW)
+    )
 
 
 def _paint_sheet(scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tensor:
     """Paint sheet noise, crease and ruling, and the desk around the sheet: [3, H, W]."""
     components, cells = _enabled(scene, *_SHEET), None
     if "ruling" in components:
-        cells = kernels.compute_ruling_cells(
-            scene.paper, layout.view.to_px, size, _enabled(scene, "paper_kinds")
-        )
+        cells = kernels.compute_ruling_cells(scene.paper, layout.view, size, _enabled(scene, "paper_kinds"))
     return kernels.paint_sheet_and_desk(
         scene.paper,
         scene.numbers.sheet,
@@ -120,7 +121,7 @@ def _paint_sheet(scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tenso
 
 def draw_props(image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tensor:
     """Draw the props that the scene has over [3, H, W], from flat to high."""
-    context = PropContext(layout.outline, layout.view.to_px, tf.constant(size[::-1], tf.float32))
+    context = PropContext(layout.outline, layout.view, tf.constant(size[::-1], tf.float32))
 
     def draw(prop: SampledProp, image: tf.Tensor) -> tf.Tensor:
         raster = kernels.rasterise_prop(
