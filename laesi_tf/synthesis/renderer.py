@@ -5,7 +5,8 @@
 3. Props, from flat to high.
 4. The leaf's shadow; the leaf: colour, browned edge, spots, veins, undulation and relief; its mask.
 5. Light and tone: illumination, reflection of glass, white balance, exposure, contrast, saturation.
-6. Camera: focus blur, sensor noise, chroma at half the resolution, 8 bits.
+6. Camera: focus blur, sensor noise, sharpening, chroma at half the resolution, 8 bits.
+7. File: resizing and JPEG.
 
 This module holds no arithmetic. Each `kernels.x` is the XLA-compiled form of the plain function `x` of the
 module that `kernels` names. A stage receives the names of its components that images may contain.
@@ -17,7 +18,7 @@ from typing import NamedTuple
 import tensorflow as tf
 
 from laesi_tf.synthesis import geometry, kernels, rasterizer
-from laesi_tf.synthesis.camera import imaging
+from laesi_tf.synthesis.camera import file, imaging
 from laesi_tf.synthesis.camera.view import tilt_deg
 from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.leaf.outline import OUTLINE_POINTS, OutlineCurve
@@ -32,6 +33,7 @@ from laesi_tf.synthesis.scene_layout import SceneLayout
 _SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk")
 _VIEW = ("lens", "bend")
 _LEAF = ("surface", "browned_margin", "spots", "veins", "undulation", "relief")
+_FILE = ("resizing", "jpeg")
 _LIGHT = ("illumination", "glass", "development")
 
 
@@ -177,7 +179,7 @@ def _finish_sample(
 
 
 def _record(exposed: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor) -> tf.Tensor:
-    """Apply focus blur, sensor noise, chroma at half the resolution, 8 bits: uint8 [H, W, 3]."""
+    """Apply focus blur, sensor noise, sharpening, chroma, 8 bits and the file: uint8 [H, W, 3]."""
     camera, image, noise = scene.camera, exposed, None
     if "sensor_noise" in scene.components:
         noise = imaging.cut_sensor_noise(scene.light_numbers.sensor, (image.shape[1], image.shape[2]))
@@ -186,15 +188,25 @@ def _record(exposed: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor) -> tf.Tensor
             camera.blurred, lambda: kernels.apply_focus_blur(exposed, camera, px_per_mm), lambda: exposed
         )
 
+    if "sharpening" in scene.components:
+        # The noise comes first, since sharpening amplifies it.
+        noisy = kernels.add_sensor_noise(image, camera, noise)
+        image = tf.cond(camera.sharpened, lambda: kernels.sharpen(noisy, camera), lambda: noisy)
+        noise = None
+
     def record_compressed() -> tf.Tensor:
         return kernels.record_with_chroma(*kernels.subsample_chroma(image, camera, noise))
 
     def record() -> tf.Tensor:
         return kernels.record(image, camera, noise)
 
-    if "chroma_softness" not in scene.components:
-        return record()
-    return tf.cond(camera.compressed, record_compressed, record)
+    recorded = (
+        tf.cond(camera.compressed, record_compressed, record)
+        if "chroma_softness" in scene.components
+        else record()
+    )
+    in_file = _enabled(scene, *_FILE)
+    return file.compress(recorded, camera, in_file) if in_file else recorded
 
 
 def _enabled(scene: Scene, *stage: str) -> tuple[str, ...]:

@@ -53,7 +53,10 @@ COMPONENTS = (
     "development",
     "focus",
     "sensor_noise",
+    "sharpening",
     "chroma_softness",
+    "resizing",
+    "jpeg",
 )
 """What an image consists of beside leaf and sheet, in compositing order; each can be left out by name."""
 
@@ -62,6 +65,9 @@ _SWITCHES = {
     "paper_kinds": ("paper", ("kind", "dotted")),
     "lens": ("camera", ("distorted",)),
     "bend": ("camera", ("bent",)),
+    "sharpening": ("camera", ("sharpened",)),
+    "resizing": ("camera", ("resized",)),
+    "jpeg": ("camera", ("is_jpeg",)),
 }
 """Components that the paper's presets lack: part and fields whose defaults switch a component off."""
 

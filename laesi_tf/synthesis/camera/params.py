@@ -52,3 +52,12 @@ class CameraParams(Generic[Value]):
     bend: Value = interval(-0.03, 0.03)
     """Its height half the photo's longer side away from the middle, in distances of the camera."""
     bend_angle: Value = interval(-math.pi, math.pi)
+    sharpened: Value = probability(0.0)
+    sharpening: Value = interval(0.3, 1.5)
+    """Strength of the unsharp mask."""
+    sharpening_px: Value = interval(0.5, 2.0)
+    resized: Value = probability(0.0)
+    resize_factor: Value = interval(0.5, 1.6)
+    """Side of the file's image over that of the result, to which it is resized."""
+    is_jpeg: Value = probability(0.0)
+    jpeg_quality: Value = interval(25, 98)
