@@ -52,9 +52,9 @@ def synthesise(
     (see `laesi_tf.data.leaf_textures`).
 
     Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area
-    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), `kind`
-    int32 [] (position of the leaf's kind in the ranges' `leaf`) and `index` int64 []. Raises InputError for
-    unknown ranges, ValueError for an invalid size or textures of another shape.
+    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels, without
+    lens and bend), `kind` int32 [] (position of the leaf's kind in the ranges' `leaf`) and `index` int64 [].
+    Raises InputError for unknown ranges, ValueError for an invalid size or textures of another shape.
     """
     _require_size(size)
     textures = _as_textures(textures)

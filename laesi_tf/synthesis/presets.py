@@ -3,6 +3,7 @@
 import dataclasses
 from typing import Any
 
+from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.paper.params import KIND_NAMES, PaperParams
 from laesi_tf.synthesis.ranges import Probability, choice, fields_of
 from laesi_tf.synthesis.scene import PARTS, Ranges
@@ -48,7 +49,14 @@ PHONE = Ranges(
         dotted=Probability(0.08),
         dot_mm=(0.2, 0.7),
         spacing_mm=(1.5, 10.0),
-    )
+    ),
+    camera=CameraParams(
+        distorted=Probability(0.5),
+        bent=Probability(0.3),
+        sharpened=Probability(0.4),
+        resized=Probability(0.4),
+        is_jpeg=Probability(0.75),
+    ),
 )
 PRESETS: dict[str, Ranges] = {"rendering_1": RENDERING_1, "rendering_2": RENDERING_2, "phone": PHONE}
 """The paper's two, of which "Rendering 2" narrows the noise of the paper model, nothing else (section 4.3);

@@ -33,6 +33,8 @@ from laesi_tf.synthesis.scene_numbers import (
 )
 
 COMPONENTS = (
+    "lens",
+    "bend",
     "paper_noise",
     "crease",
     "ruling",
@@ -51,12 +53,22 @@ COMPONENTS = (
     "development",
     "focus",
     "sensor_noise",
+    "sharpening",
     "chroma_softness",
+    "resizing",
+    "jpeg",
 )
 """What an image consists of beside leaf and sheet, in compositing order; each can be left out by name."""
 
 
-_SWITCHES = {"paper_kinds": ("paper", ("kind", "dotted"))}
+_SWITCHES = {
+    "paper_kinds": ("paper", ("kind", "dotted")),
+    "lens": ("camera", ("distorted",)),
+    "bend": ("camera", ("bent",)),
+    "sharpening": ("camera", ("sharpened",)),
+    "resizing": ("camera", ("resized",)),
+    "jpeg": ("camera", ("is_jpeg",)),
+}
 """Components that the paper's presets lack: part and fields whose defaults switch a component off."""
 
 PARTS = ("paper", "surface", "light", "props", "camera", "desk")

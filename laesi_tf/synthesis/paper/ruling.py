@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.synthesis.camera.view import CameraView
 from laesi_tf.synthesis.colour import hsv_to_rgb
-from laesi_tf.synthesis.geometry import ImageSize, pixel_centres_to_sheet
+from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.paper.kinds import LONGEST_PERIOD_MM, PrintedLines, printed_lines
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.ranges import Scalar
@@ -45,13 +46,10 @@ def samples_of_any_kind(size: ImageSize) -> int:
 
 
 def compute_ruling_cells(
-    paper: PaperParams[Scalar], to_px: tf.Tensor, size: ImageSize, components: tuple[str, ...]
+    paper: PaperParams[Scalar], view: CameraView, size: ImageSize, components: tuple[str, ...]
 ) -> tf.Tensor:
-    """Return which sample of the x and of the y profile lies under each pixel: int32 [2, H, W].
-
-    `to_px` [3, 3] maps sheet mm to pixels.
-    """
-    x_mm, y_mm = pixel_centres_to_sheet(to_px, size)
+    """Return which sample of the x and of the y profile lies under each pixel: int32 [2, H, W]."""
+    x_mm, y_mm = view.pixel_centres_to_sheet(size)
     if "paper_kinds" in components:
         return kind_cells(paper, samples_of_any_kind(size), x_mm, y_mm)
     return ruling_cells(paper, samples_per_mm(size), x_mm, y_mm)
