@@ -13,7 +13,9 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.models.ruling_cells import DIRECTION_BINS, PERIOD_BINS
 from laesi_tf.models.ruling_network import RulingTargets, share_between_bins, to_bin
 from laesi_tf.synthesis import Ranges, sample_scene, synthesise_ruling_crop
-from laesi_tf.synthesis.ruling_labels import NO, YES, RulingLabels, label_ruling
+from laesi_tf.synthesis.geometry import pixel_centres_to_sheet
+from laesi_tf.synthesis.paper.params import KIND_NAMES
+from laesi_tf.synthesis.ruling_labels import NO, UNDECIDED, YES, RulingLabels, label_ruling
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.tasks import make_task
 
@@ -47,9 +49,10 @@ def draw(paper, *, px_per_mm: float, angle: float, strength: float, heavy: float
     return np.repeat(grey[..., None], 3, -1), to_px.astype(np.float32)
 
 
-def label(image, paper, to_px, leaf=None) -> RulingLabels:
-    leaf = np.zeros((SIDE, SIDE), np.uint8) if leaf is None else leaf
-    labels = label_ruling(tf.constant(image), tf.constant(leaf), paper, tf.constant(to_px))
+def label(image, paper, to_px, bare=None) -> RulingLabels:
+    bare = np.ones((SIDE, SIDE), np.float32) if bare is None else bare
+    places = pixel_centres_to_sheet(tf.constant(to_px), (SIDE, SIDE))
+    labels = label_ruling(tf.constant(image), tf.constant(bare), paper, *places)
     return RulingLabels(*(part.numpy() for part in labels))
 
 
@@ -77,15 +80,22 @@ def test_fine_lines_that_blur_has_drowned_are_uncertain():
     np.testing.assert_allclose(labels.log_period[INNER], math.log(10), atol=0.01)
 
 
-def test_noise_is_not_readable_and_neither_is_a_leaf():
+def test_what_is_not_bare_paper_is_not_readable():
+    paper = sheet(has_5mm=True, has_10mm=True)
+    image, to_px = draw(paper, px_per_mm=6, angle=0.1, strength=0.8, heavy=0.9, blur_px=0.3)
+    bare = np.ones((SIDE, SIDE), np.float32)
+    bare[:, : SIDE // 2] = 0
+    readable = label(image, paper, to_px, bare).readable
+    assert (readable[:, : SIDE // 32] == NO).all() and (readable[:, SIDE // 32 + 1 : -2] == YES).all()
+    plain = dataclasses.replace(paper, kind=tf.constant(float(KIND_NAMES.index("plain"))))
+    assert (label(image, plain, to_px).readable == NO).all()
+
+
+def test_lines_that_cannot_be_seen_are_undecided():
     noise = np.random.default_rng(2).integers(90, 160, (SIDE, SIDE, 1), np.uint8).repeat(3, -1)
     paper = sheet(has_5mm=True, has_10mm=True)
     _, to_px = draw(paper, px_per_mm=6, angle=0.1, strength=0.8, heavy=0.9, blur_px=0.3)
-    assert np.mean(label(noise, paper, to_px).readable == NO) > 0.9
-    image, to_px = draw(paper, px_per_mm=6, angle=0.1, strength=0.8, heavy=0.9, blur_px=0.3)
-    leaf = np.zeros((SIDE, SIDE), np.uint8)
-    leaf[:, : SIDE // 2] = 1
-    assert (label(image, paper, to_px, leaf).readable[:, : SIDE // 32] != YES).all()
+    assert np.mean(label(noise, paper, to_px).readable == UNDECIDED) > 0.9
 
 
 def test_perfect_answers_are_all_right_and_wrong_ones_are_not():

@@ -13,6 +13,7 @@ from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.camera.view import CameraView
 from laesi_tf.synthesis.geometry import ImageSize, project_points, px_per_mm_at
 from laesi_tf.synthesis.paper.kinds import spacing_mm
+from laesi_tf.synthesis.paper.sheet import distance_to_sheet_edge
 from laesi_tf.synthesis.ranges import Scalar
 from laesi_tf.synthesis.ruling_labels import label_ruling
 from laesi_tf.synthesis.scene import Scene
@@ -39,7 +40,12 @@ def render_ruling_crop(
     camera = set_blur(scene.camera, log_uniform(_BLUR_PX, numbers[3]) / px_per_mm)
     crop = dataclasses.replace(scene, camera=camera)
     sample = renderer.render_scene(crop, size, layout=whole._replace(view=view), textures=textures)
-    labels = label_ruling(sample["image"], sample["mask"], scene.paper, view.to_px)
+    places = view.pixel_centres_to_sheet(size)
+    bare = 1 - tf.cast(sample["mask"], tf.float32)
+    if "desk" in scene.components:
+        edge_mm = distance_to_sheet_edge(scene.paper, whole.outline, *places)
+        bare *= tf.cast((edge_mm > scene.paper.border_mm) | ~scene.paper.edged, tf.float32)
+    labels = label_ruling(sample["image"], bare, scene.paper, *places)
     return sample | {"ruling": tf.stack(labels, -1)}
 
 
@@ -50,7 +56,10 @@ def log_uniform(limits: tuple[float, float], uniform: tf.Tensor) -> tf.Tensor:
 
 
 def crop_view(view: CameraView, size: ImageSize, *, place: tf.Tensor, px_per_mm: tf.Tensor) -> CameraView:
-    """Return the view of the crop at `place` [2] in [0, 1) of the image, with `px_per_mm` in its middle."""
+    """Return the view of the crop at `place` [2] in [0, 1) of the image, with `px_per_mm` in its middle.
+
+    Within a crop, lens and bend are a homography, which is what the view's without them serves for.
+    """
     image_wh = tf.constant(size[::-1], tf.float32)
     middle = place * image_wh
     on_sheet = project_points(tf.linalg.inv(view.to_px), middle)

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis.geometry import pixel_centres_to_sheet
 from laesi_tf.synthesis.paper.kinds import crossed_periods_mm, distances_to_common_lines
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.ranges import Scalar
@@ -59,17 +58,16 @@ class RulingLabels(NamedTuple):
 
 
 def label_ruling(
-    image: tf.Tensor, bare_sheet: tf.Tensor, paper: PaperParams[Scalar], to_px: tf.Tensor
+    image: tf.Tensor, bare_sheet: tf.Tensor, paper: PaperParams[Scalar], x_mm: tf.Tensor, y_mm: tf.Tensor
 ) -> RulingLabels:
     """Label the cells of `image` uint8 [H, W, 3], H and W multiples of CELL_PX.
 
-    `bare_sheet` [H, W] is 1 where the printed sheet is not covered by a leaf; `to_px` [3, 3] maps sheet mm to
-    pixels.
+    `bare_sheet` [H, W] is 1 where the printed sheet is not covered by a leaf; `x_mm` and `y_mm` [H, W] are
+    the places of the pixels on the sheet.
     """
-    height, width, _ = image.shape
     grey = tf.reduce_mean(tf.cast(image, tf.float32), -1) / 255
     periods_mm = crossed_periods_mm(paper)
-    lines_mm = distances_to_common_lines(paper, *pixel_centres_to_sheet(to_px, (height, width)))
+    lines_mm = distances_to_common_lines(paper, x_mm, y_mm)
     cells = _mean_in_cells(tf.concat([lines_mm, tf.cast(bare_sheet, tf.float32)[None]], 0))
     gradients = _gradients(cells[:2])
     log_mm_per_px = 0.25 * tf.reduce_sum(tf.math.log(tf.reduce_sum(gradients**2, 1) + 1e-12), 0)
