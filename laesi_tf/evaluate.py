@@ -15,7 +15,7 @@ from laesi_tf.cli.console import run_command
 from laesi_tf.cli.model_arguments import add_model_arguments
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
-from laesi_tf.common.text import sanitise_text
+from laesi_tf.common.text import round_for_table, sanitise_text
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.evaluation.photo_scores import (
@@ -102,9 +102,10 @@ def _format_score(score: PhotoScore) -> str:
 
 def _make_row(score: PhotoScore) -> tuple[object, ...]:
     photo = score.photo
+    numbers = (photo.area_cm2, score.predicted_cm2, score.relative_error, score.iou, score.pixel_error)
     return (
-        *(photo.name, photo.subset, photo.split, photo.grid_mm, photo.area_cm2),
-        *(score.predicted_cm2, score.relative_error, score.iou, score.pixel_error),
+        *(photo.name, photo.subset, photo.split, photo.grid_mm),
+        *map(round_for_table, numbers),
         *(score.method, score.refusal, score.error),
     )
 

@@ -14,6 +14,7 @@ from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.parsing import non_negative_int
 from laesi_tf.data.manifest import read_manifest
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError for unknown ranges, a bad manifest or a folder it cannot write."""
     options = _make_parser().parse_args(arguments)
     photos = read_manifest(options.photos) if options.photos else []
-    load_tensorflow()
+    load_tensorflow(quick_compilation=True)
     from laesi_tf.reporting import scene_tiles
     from laesi_tf.reporting.captions import make_contact_sheet
     from laesi_tf.reporting.overlay import write_png
@@ -67,7 +68,7 @@ def _print_ranges(ranges: "Ranges", json_path: Path | None) -> None:
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("preview", __doc__)
     parser.add_argument("--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges of the scenes")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the scenes")
+    parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the scenes")
     parser.add_argument("--count", type=_parse_count, default=24, metavar="N", help="number of scenes")
     parser.add_argument(
         "--size", type=_parse_side, default=384, metavar="PX", help="side of an image in pixels"

@@ -63,8 +63,8 @@ def main(arguments: Sequence[str]) -> None:
 
 def measure_trial_cost(budget: Budget, data: "TrainingData", jobs: Sequence[Job]) -> dict[str, Any]:
     """Measure seconds per trial over a worker's run of `jobs`, with a storage in a file, and its memory."""
-    from sweeps.trials.objective import TrainingObjective
     from sweeps.trials.trial_runner import TrialRunner
+    from sweeps.workers.objective import TrainingObjective
 
     memory_mb: list[float] = []
     with tempfile.TemporaryDirectory() as folder, tqdm(total=len(jobs), unit="trial", delay=2) as bar:

@@ -86,6 +86,8 @@ def test_files_of_a_run(runs: dict[str, Path], manifest: Path, tmp_path: Path) -
     assert float(rows["b.png"]["relative_error_percent"]) == pytest.approx(-50, abs=2)
     assert rows["a.png"]["method"] == "regression" and rows["a.png"]["iou"] == ""
     assert "cannot be decoded" in rows["d.png"]["error"] and rows["d.png"]["predicted_cm2"] == ""
+    for name in ("true_cm2", "predicted_cm2", "relative_error_percent"):
+        assert len(rows["b.png"][name].lstrip("-").replace(".", "")) <= 5
     worst = np.asarray(Image.open(tmp_path / "out" / "worst.png"))
     assert worst.shape[1] > 3 * 400 and {tuple(pixel) for pixel in worst.reshape(-1, 3)} >= {TRUE_COLOUR}
 

@@ -13,6 +13,7 @@ from PIL import Image
 from record_sets import SIZE, SPEC, write_dataset
 from scenes import only
 
+from laesi_tf import train
 from laesi_tf.common.errors import InputError
 from laesi_tf.data import mixture
 from laesi_tf.data.mixture import SLOTS, Source, load_mixture, mix_sources
@@ -187,3 +188,13 @@ def test_records_of_another_size_are_named(write: Write) -> None:
     path = write(f'{RECORDS}folder = "dataset"\nweight = 1\n')
     with pytest.raises(InputError, match="48 x 64 pixels; train with that --size"):
         load_mixture(path, size=(32, 32), seed=0, needs_masks=False)
+
+
+def test_a_truncated_shard_is_named_by_train(write: Write, tmp_path: Path) -> None:
+    path = write(f'{RECORDS}folder = "dataset"\nweight = 1\n')
+    shard = tmp_path / "dataset" / SPEC.shard_name(0)
+    shard.write_bytes(shard.read_bytes()[:-20])
+    arguments = [f"--mixture={path}", f"--out={tmp_path / 'run'}", "--size=48x64", "--weights=none"]
+    with pytest.raises(InputError, match=rf"{shard.name} is truncated; run generate again"):
+        train.main(arguments)
+    assert not (tmp_path / "run").exists()

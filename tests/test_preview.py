@@ -97,6 +97,7 @@ def test_printed_ranges_can_be_read_again(tmp_path: Path, capsys: pytest.Capture
 
 BAD = [
     ["--count", "0"],
+    ["--seed", "-3"],
     ["--size", "20"],
     ["--size", "big"],
     ["--ranges", "rendering_9"],

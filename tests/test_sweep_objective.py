@@ -20,10 +20,10 @@ from sweeps.queue.study_storage import RetryPolicy, StudyStorage
 from sweeps.queue.tpe_queue import PRUNED_AT, TpeQueue
 from sweeps.queue.trial_queue import ClaimedTrial
 from sweeps.trials import artifacts, trial_runner
-from sweeps.trials.objective import TrainingObjective
 from sweeps.trials.search_space import FACTORS, POINTS, Point
 from sweeps.trials.training_data import Batch
 from sweeps.trials.trial_runner import TrialRunner
+from sweeps.workers.objective import TrainingObjective
 from sweeps.workers.watchdog import TrialWatchdog
 from sweeps.workers.worker import TrialResult, run_trials
 

@@ -1,6 +1,9 @@
 """Compiled functions receive parameters unchanged, and give in tf.data the bytes that they give eagerly."""
 
+import logging
+
 import numpy as np
+import pytest
 import tensorflow as tf
 from scenes import middle
 
@@ -26,3 +29,11 @@ def test_eagerly_and_in_a_dataset_alike() -> None:
     made = tf.data.Dataset.from_tensor_slices(images).map(lambda image: dim(image, lit, 0.1))
     for image, found in zip(images, made, strict=True):
         np.testing.assert_array_equal(dim(image, lit, 0.1), found)
+
+
+def test_compiling_for_many_static_arguments_prints_no_warning(caplog: pytest.LogCaptureFixture) -> None:
+    image, light = tf.ones([2, 3]), middle(LightParams(), glass=True, strength=0.3)
+    with caplog.at_level(logging.WARNING, "tensorflow"):
+        for number in range(12):
+            dim(image, light, 0.01 * number)
+    assert not caplog.records

@@ -9,8 +9,13 @@ import os
 from collections.abc import Iterator
 
 
-def load_tensorflow() -> None:
-    """Import TensorFlow, let it look for GPUs, and hide all messages but warnings."""
+def load_tensorflow(*, quick_compilation: bool = False) -> None:
+    """Import TensorFlow, let it look for GPUs, and hide all messages but warnings.
+
+    With `quick_compilation`, XLA optimises less: for a few images, compiling takes longer than rendering.
+    """
+    if quick_compilation:
+        os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
     # The level alone does not silence seven lines about oneDNN and CUDA, which C++ code writes to stderr.
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     with suppress_stderr():

@@ -1,9 +1,17 @@
-"""Clean text for terminals and captions."""
+"""Text and numbers for terminals, captions and tables."""
+
+_DIGITS = 5
+"""Significant digits of a measured number: more than any camera resolves."""
 
 
 def sanitise_text(text: object) -> str:
     """Return `text` with control characters and undecodable bytes replaced, for terminals and captions."""
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in str(text))
+
+
+def round_for_table(value: float | None) -> float | None:
+    """Return `value` with five significant digits; None stays None."""
+    return None if value is None else float(f"{value:.{_DIGITS}g}")
 
 
 def format_ordinal(number: int) -> str:

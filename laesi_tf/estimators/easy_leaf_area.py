@@ -28,8 +28,6 @@ from laesi_tf.estimators.mask_estimator import NO_LEAF
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 
-NAME = "rule_based"
-"""What commands take in place of a training run."""
 _BY_SQUARE, _BY_GIVEN_SCALE = "leaf colour x red square", "leaf colour x given scale"
 _NO_SQUARE = (
     "no red square found; place one of 4 cm2 flat beside the leaf, well lit, or give the scale with "

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from laesi_tf.common.atomic_files import write_csv, write_json
+from laesi_tf.common.text import round_for_table
 from laesi_tf.estimators.base import Measurement
 
 _COLUMNS = (
     *("photo", "leaf", "area_cm2", "uncertainty_cm2", "px_per_mm", "length_mm", "width_mm", "perimeter_mm"),
     *("holes_cm2", "tilt_deg", "method", "refused", "note", "error"),
 )
-_DIGITS = 5
-"""Significant digits: more than any camera resolves."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -57,17 +56,17 @@ def make_records(photo: str, measurement: Measurement, overlay: str) -> list[Lea
         LeafRecord(
             photo=photo,
             leaf=number,
-            tilt_deg=_round(measurement.tilt_deg),
+            tilt_deg=round_for_table(measurement.tilt_deg),
             method=measurement.method,
             note="; ".join(filter(None, [leaf.note, measurement.note])) or None,
             overlay=overlay,
-            area_cm2=_round(leaf.area_cm2),
-            uncertainty_cm2=_round(leaf.uncertainty_cm2),
-            px_per_mm=_round(leaf.px_per_mm),
-            length_mm=_round(leaf.length_mm),
-            width_mm=_round(leaf.width_mm),
-            perimeter_mm=_round(leaf.perimeter_mm),
-            holes_cm2=_round(leaf.holes_cm2),
+            area_cm2=round_for_table(leaf.area_cm2),
+            uncertainty_cm2=round_for_table(leaf.uncertainty_cm2),
+            px_per_mm=round_for_table(leaf.px_per_mm),
+            length_mm=round_for_table(leaf.length_mm),
+            width_mm=round_for_table(leaf.width_mm),
+            perimeter_mm=round_for_table(leaf.perimeter_mm),
+            holes_cm2=round_for_table(leaf.holes_cm2),
         )
         for number, leaf in enumerate(measurement.leaves, 1)
     ]
@@ -79,7 +78,3 @@ def write_records(records: Sequence[LeafRecord], *, table: Path, json: Path | No
     write_csv(table, header, ([getattr(record, column) for column in header] for record in records))
     if json is not None:
         write_json(json, [{column: getattr(record, column) for column in _COLUMNS} for record in records])
-
-
-def _round(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.{_DIGITS}g}")

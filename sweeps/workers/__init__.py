@@ -1,1 +1,1 @@
-"""Worker processes: start, supervise and stop them."""
+"""Worker processes: start, supervise and stop them; the objective that they run."""

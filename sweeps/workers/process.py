@@ -25,9 +25,9 @@ def _run_worker(settings: WorkerSettings) -> None:
     quiet_optuna()
     import tensorflow as tf
 
-    from sweeps.trials.objective import TrainingObjective
     from sweeps.trials.training_data import TrainingData
     from sweeps.trials.trial_runner import TrialRunner
+    from sweeps.workers.objective import TrainingObjective
 
     # This worker's share of the cores.
     tf.config.threading.set_intra_op_parallelism_threads(settings.threads)
