@@ -32,7 +32,8 @@ from laesi_tf.evaluation.photo_scores import (
 _MAX_TILES = 12
 _TILE_PX = 420
 _HEADER = (
-    *("image", "subset", "split", "grid_mm", "true_cm2", "predicted_cm2", "relative_error_percent"),
+    *("image", "subset", "split", "grid_mm", "true_cm2", "predicted_cm2", "uncertainty_cm2"),
+    "relative_error_percent",
     *("iou", "mask_pixel_error", "method", "refused", "error"),
 )
 
@@ -102,7 +103,10 @@ def _format_score(score: PhotoScore) -> str:
 
 def _make_row(score: PhotoScore) -> tuple[object, ...]:
     photo = score.photo
-    numbers = (photo.area_cm2, score.predicted_cm2, score.relative_error, score.iou, score.pixel_error)
+    numbers = (
+        *(photo.area_cm2, score.predicted_cm2, score.uncertainty_cm2),
+        *(score.relative_error, score.iou, score.pixel_error),
+    )
     return (
         *(photo.name, photo.subset, photo.split, photo.grid_mm),
         *map(round_for_table, numbers),
@@ -113,7 +117,10 @@ def _make_row(score: PhotoScore) -> tuple[object, ...]:
 def _print_report(scores: Sequence[PhotoScore], summaries: Mapping[str, Summary]) -> None:
     """Print the table of subsets, the methods, and the reasons to doubt the figures."""
     width = max(len(sanitise_text(name)) for name in summaries)
-    columns = "    n  MRE %  [95 % interval]  median %   p90 %   mIoU     MPE  refused  skipped"
+    columns = (
+        "    n  MRE %  [95 % interval]  median %   p90 %   mIoU     MPE  within 1, 2 sd  > 10 % off  refused"
+        "  skipped"
+    )
     print(f"{'subset':<{width}} {columns}")
     for name, summary in summaries.items():
         print(f"{sanitise_text(name):<{width}} {_format_summary(summary)}")
@@ -135,8 +142,13 @@ def _format_summary(summary: Summary) -> str:
         f"{summary['n']:5}  {_format(summary['mre'], 2):>5}  {interval:>15}  "
         f"{_format(summary['median'], 2):>8}  {_format(summary['p90'], 2):>6}  "
         f"{_format(summary['miou'], 3):>5}  {_format(summary['mpe'], 3):>6}  "
-        f"{summary['refused']:>7}  {summary['skipped']:>7}"
+        f"{_format_percent(summary['within_1_sd']):>7}, {_format_percent(summary['within_2_sd']):>5}  "
+        f"{summary['silent_errors']:>10}  {summary['refused']:>7}  {summary['skipped']:>7}"
     )
+
+
+def _format_percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"
 
 
 def _format(value: float | None, digits: int) -> str:

@@ -1,4 +1,5 @@
-"""Train MobileNetV3 on live synthetic scenes: to measure leaf area (--task area) or outline leaves (mask).
+"""Train a network on live synthetic scenes: to measure leaf area (--task area), outline leaves (mask) or read
+the ruling of the paper (ruling).
 
 A flag wins over the same key in --config. Run the same command again to continue a run that was stopped.
 --weights RUN starts from the network of another run.
@@ -56,13 +57,17 @@ def _format_summary(metrics: Mapping[str, Any], config: TrainConfig, path: Path)
     images_per_s = metrics["images_per_s"] or float("nan")
     return "\n".join(
         [
-            f"{config.task}, MobileNetV3 {config.backbone}, from {metrics['weights_origin']}",
+            f"{config.task}, {_name_network(config)}, from {metrics['weights_origin']}",
             f"{TASKS[config.task](config).summary(metrics)} on {metrics['n']} validation images, "
             f"best at step {metrics['best_step']} of {metrics['steps']}",
             f"{metrics['minutes']:.1f} minutes at {images_per_s:.0f} images/s",
             f"network and report: {path / REPORT_FILE}",
         ]
     )
+
+
+def _name_network(config: TrainConfig) -> str:
+    return f"MobileNetV3 {config.backbone}" if TASKS[config.task].has_backbone else "fully convolutional"
 
 
 if __name__ == "__main__":

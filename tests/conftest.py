@@ -90,7 +90,7 @@ def stand_in_networks() -> Iterator[None]:
 
     def build_stand_in(spec: Any, **options: str) -> Any:
         if spec.alpha == green.STAND_IN_ALPHA:
-            return green.STAND_INS[spec.task](spec.size), "stand-in"
+            return saved_model.BuiltNetwork(green.STAND_INS[spec.task](spec.size), None, "stand-in")
         return build(spec, **options)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -10,14 +10,17 @@ import tensorflow as tf
 from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, load_ranges, rasterizer
 from laesi_tf.synthesis.presets import enable_all_components
 from laesi_tf.synthesis.props.registry import PROPS, prop_ranges
-from laesi_tf.synthesis.ranges import Probability, fields_of
+from laesi_tf.synthesis.ranges import Choice, Probability, fields_of
 from laesi_tf.synthesis.scene import PARTS
 
 RENDERING_2 = load_ranges("rendering_2")
 
 
 def middle(ranges: Any, **given: float | bool) -> Any:
-    """Return parameters at the middle of their `ranges`, each Probability False, except those `given`."""
+    """Return parameters at the middle of their `ranges`, each Probability False, except those `given`.
+
+    A Choice is its most frequent name.
+    """
     return dataclasses.replace(
         ranges,
         **{name: tf.constant(given.get(name, _middle(spec))) for name, spec in fields_of(ranges).items()},
@@ -25,6 +28,8 @@ def middle(ranges: Any, **given: float | bool) -> Any:
 
 
 def _middle(spec: Any) -> float | bool:
+    if isinstance(spec, Choice):
+        return float(np.argmax(spec.weights))
     return False if isinstance(spec, Probability) else float(np.mean(spec))
 
 
@@ -32,6 +37,8 @@ def bounds(spec: Any) -> tuple[float, float]:
     """Return the lowest and highest number of a range; 0 and 1 stand for False and True."""
     if isinstance(spec, Probability):
         return 0.0, 1.0
+    if isinstance(spec, Choice):
+        return 0.0, len(spec.names) - 1.0
     return spec if isinstance(spec, tuple) else (spec, spec)
 
 

@@ -91,7 +91,7 @@ def test_size_is_a_side_or_two(size):
         ({"steps": 2.5}, "steps = 2.5 must be a whole number"),
         ({"steps": True}, "steps = True must be a whole number"),
         ({"alpha": "wide"}, "alpha = 'wide' must be a number between 0.1 and 4"),
-        ({"task": 3}, "task = 3 must be area or mask"),
+        ({"task": 3}, "task = 3 must be area, mask or ruling"),
         ({"weights": 3}, "weights = 3 must be text"),
         ({"steps": 0}, "steps = 0 must be a whole number between 1"),
         ({"learning_rate": -1.0}, "learning_rate = -1.0 must be a number between"),
@@ -135,7 +135,8 @@ def test_the_words_of_the_configuration_are_those_of_the_registries():
     assert tuple(SCHEDULES) == config.SCHEDULE_NAMES
     assert config.TRANSFORM_NAMES == TRANSFORMS
     assert tuple(AUGMENTATIONS) == config.AUGMENTATION_NAMES
-    assert {name: task.losses for name, task in TASKS.items()} == {"area": AREA_LOSSES, "mask": MASK_LOSSES}
+    losses = {"area": AREA_LOSSES, "mask": MASK_LOSSES, "ruling": ("cross_entropy",)}
+    assert {name: task.losses for name, task in TASKS.items()} == losses
 
 
 def test_defaults_are_the_recipe_of_the_shipped_area_network():

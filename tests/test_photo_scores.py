@@ -35,6 +35,19 @@ def test_metrics_against_numbers_by_hand() -> None:
     assert [score.predicted_cm2 for score in sort_worst_first(scores)] == [15.0, 12.0, 9.0, 10.0]
 
 
+def test_coverage_and_areas_that_are_far_off() -> None:
+    scores = [
+        PhotoScore(photo=photo_of(10.0), predicted_cm2=predicted, uncertainty_cm2=0.5)
+        for predicted in (10.4, 9.2, 10.9, 11.2)
+    ]
+    scores.append(PhotoScore(photo=photo_of(10.0), predicted_cm2=10.0))
+    scores.append(PhotoScore(photo=photo_of(10.0), refusal="no grid"))
+    metrics = summarise(scores)
+    # Only photos with an uncertainty count towards its coverage.
+    assert (metrics["within_1_sd"], metrics["within_2_sd"]) == (0.25, 0.75)
+    assert metrics["silent_errors"] == 1
+
+
 def test_without_measured_photos_there_are_no_metrics() -> None:
     metrics = summarise(
         [PhotoScore(photo=photo_of(1.0), error="cut"), PhotoScore(photo=photo_of(1.0), refusal="no grid")]

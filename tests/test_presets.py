@@ -9,7 +9,7 @@ from scenes import RENDERING_2, bounds, specs
 from laesi_tf.common.errors import InputError
 from laesi_tf.synthesis import Ranges, load_ranges, synthesise
 from laesi_tf.synthesis.presets import PRESETS, enable_all_components
-from laesi_tf.synthesis.ranges import Probability, fields_of
+from laesi_tf.synthesis.ranges import Choice, Probability, fields_of
 from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 from laesi_tf.synthesis.scene import PARTS
 
@@ -24,7 +24,7 @@ def same(one: Ranges, other: Ranges) -> bool:
     """Return whether two Ranges sample alike; a single number equals an interval of no width."""
     flat = [
         [
-            (part, field, spec if isinstance(spec, Probability) else bounds(spec))
+            (part, field, spec if isinstance(spec, Probability | Choice) else bounds(spec))
             for part, field, spec in specs(ranges)
         ]
         for ranges in (one, other)
@@ -92,6 +92,9 @@ BAD = {
     '[paper]\nhue = "red"': "hue",
     "[paper]\nhue = [0, 1, 2]": "hue",
     "[paper]\ntinted = 0.5": "tinted",
+    "[paper]\nkind = {plane = 1}": "plain",
+    "[paper]\nkind = {plain = 0}": "kind",
+    "[paper]\nkind = 3": "kind",
     "[paper]\ntinted = {chance = 1.5}": "tinted",
     "paper = 3": "paper",
     "[leaf.maple]\nweight = 1": "maple",

@@ -63,7 +63,7 @@ def test_without_props_nothing_is_drawn() -> None:
 @pytest.mark.parametrize("direction", np.linspace(-3, 3, 5).tolist())
 def test_position_keeps_the_gap(direction: float) -> None:
     _, layout, _ = lay_out(1)
-    context = PropContext(layout.outline, layout.view.to_px, tf.constant(SIZE[::-1], tf.float32))
+    context = PropContext(layout.outline, layout.view, tf.constant(SIZE[::-1], tf.float32))
     square = tf.constant([[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]])
     points = place_beside_leaf(
         square, context, tf.constant(direction), tf.constant(0.4), tf.constant(3.0)

@@ -31,7 +31,7 @@ def with_lambda_that_writes(marker: Path, network: keras.Model) -> keras.Model:
 
 def test_weights_fill_the_network_that_the_configuration_names(tmp_path: Path) -> None:
     keras.utils.set_random_seed(5)
-    original, _ = build_network(SPEC)
+    original = build_network(SPEC).model
     run = load_run(write_run(tmp_path / "run", original))
     assert run.spec == SPEC
     images = np.random.default_rng(0).integers(0, 256, (2, 32, 48, 3)).astype(np.float32)
@@ -40,7 +40,7 @@ def test_weights_fill_the_network_that_the_configuration_names(tmp_path: Path) -
 
 def test_a_run_from_elsewhere_runs_no_code(tmp_path: Path) -> None:
     marker = tmp_path / "marker"
-    network = with_lambda_that_writes(marker, build_network(SPEC)[0])
+    network = with_lambda_that_writes(marker, build_network(SPEC).model)
     path = write_run(tmp_path / "run", network)
     marker.unlink(missing_ok=True)
     keras.models.load_model(path / BEST_MODEL_FILE, safe_mode=False)
@@ -63,7 +63,7 @@ def test_weights_of_another_network_are_refused(tmp_path: Path) -> None:
         ('backbone = "smal"', "backbone = 'smal' must be small, .*; did you mean 'small'"),
         ("alpha = 99", "alpha = 99 must be a number between 0.1 and 4"),
         ('size = "64"', "is not \\[height, width\\]"),
-        ("task = 3", "task = 3 must be area or mask"),
+        ("task = 3", "task = 3 must be area, mask or ruling"),
     ],
 )
 def test_configurations_of_no_network_are_refused(tmp_path: Path, line: str, message: str) -> None:

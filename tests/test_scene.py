@@ -24,10 +24,10 @@ from scenes import (
 
 from laesi_tf.common.geometry import compute_px_per_mm, polygon_centroid
 from laesi_tf.data.synthetic import synthetic_samples
-from laesi_tf.synthesis import COMPONENTS, Ranges, Scene, render_scene, sample_scene, synthesise
+from laesi_tf.synthesis import Ranges, Scene, render_scene, sample_scene, synthesise
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
-from laesi_tf.synthesis.ranges import Probability, field_count, fields_of, sample_params_of_kind
+from laesi_tf.synthesis.ranges import Choice, Probability, field_count, fields_of, sample_params_of_kind
 from laesi_tf.synthesis.renderer import compute_layout
 from laesi_tf.synthesis.scene_layout import leaf_edges
 
@@ -183,7 +183,7 @@ def _render_strong(size: tuple[int, int], index: int) -> dict[str, tf.Tensor]:
     return synthesise(7, size=size, ranges=_strong(), index=index)
 
 
-@pytest.mark.parametrize("component", COMPONENTS)
+@pytest.mark.parametrize("component", FULL.list_enabled_components())
 def test_each_component_is_visible_and_keeps_mask_and_label(component: str) -> None:
     without = dataclasses.replace(_strong(), without=frozenset({component}))
     size = (320, 320) if component == "focus" else SMALL  # blur of a quarter millimetre needs pixels
@@ -256,6 +256,10 @@ def test_parameters_are_sampled_from_their_ranges() -> None:
         spec = getattr(ranges_of_parts(ONE_KIND)[part], field)
         if isinstance(spec, Probability):
             assert values.mean() == pytest.approx(spec.p, abs=0.1), field
+            continue
+        if isinstance(spec, Choice):
+            shares = np.bincount(values.astype(int), minlength=len(spec.names)) / len(values)
+            np.testing.assert_allclose(shares, spec.weights, atol=0.1, err_msg=field)
             continue
         low, high = bounds(spec)
         assert low - 1e-5 <= values.min() and values.max() <= high + 1e-5, field

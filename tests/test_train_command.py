@@ -79,6 +79,6 @@ def test_bad_input_from_a_shell_is_one_line_and_status_2(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parent.parent)
     assert done.returncode == 2
     lines = [line for line in done.stderr.splitlines() if not line.startswith("import time:")]
-    assert lines == ["error: task = 'aria' must be area or mask; did you mean 'area'?"]
+    assert lines == ["error: task = 'aria' must be area, mask or ruling; did you mean 'area'?"]
     assert " tensorflow" not in done.stderr
     assert not (tmp_path / "run").exists()

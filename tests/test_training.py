@@ -10,7 +10,7 @@ from disc_runs import BATCH, SIZE, disc_stream, fit_discs, network_variables, re
 from laesi_tf.common import run_files
 from laesi_tf.common.errors import InputError
 from laesi_tf.models.backbone import build_backbone
-from laesi_tf.models.saved_model import NETWORK_BUILDERS, load_run
+from laesi_tf.models.saved_model import HEAD_BUILDERS, load_run
 from laesi_tf.training.initialisation import initialise_network
 from laesi_tf.training.tasks import TASKS
 from laesi_tf.training.tasks.base import Task
@@ -134,7 +134,7 @@ def test_a_third_task_is_one_class_and_its_network(tmp_path, monkeypatch):
         return keras.Model(base.input, keras.layers.Dense(1)(pooled))
 
     monkeypatch.setitem(TASKS, "brightness", BrightnessTask)
-    monkeypatch.setitem(NETWORK_BUILDERS, "brightness", add_head)
+    monkeypatch.setitem(HEAD_BUILDERS, "brightness", add_head)
     config = tiny_config(task="brightness", loss="mae", steps=2)
     task = BrightnessTask(config)
 

@@ -8,7 +8,7 @@ px_per_mm   float32 []          scale at the leaf's centroid; NaN for a photo of
 Rendered samples have these as well:
 
 tilt_deg    float32 []          angle between the camera's axis and the sheet's normal
-to_px       float32 [3, 3]      homography from sheet coordinates in mm to pixels
+to_px       float32 [3, 3]      homography from sheet coordinates in mm to pixels, without lens and bend
 kind        int32 []            position of the leaf's kind in the ranges' `leaf`
 index       int64 []            index of the sample
 """

@@ -32,20 +32,22 @@ def synthetic_samples(
     passes: int | None = None,
     textures: tf.Tensor | None = None,
     parallel: int = tf.data.AUTOTUNE,
+    render: Callable[..., Sample] = synthesise,
 ) -> tf.data.Dataset:
     """Render samples `start`, `start` + 1, ...: `count` of them, or an endless stream.
 
     `size` is (height, width) in pixels. `ranges` is the name of a preset, a TOML file, or Ranges. `passes`
     overrides the number of lighting passes over a leaf: with 1, every sample shows a new leaf. `textures` is
     as for `laesi_tf.synthesis.synthesise`. `parallel` leaves are rendered at once; a leaf is one unit of work
-    because it fits in the cache of a core, which a batch does not. See `laesi_tf.data.sample` for the keys.
+    because it fits in the cache of a core, which a batch does not. `render` replaces `synthesise` where
+    `passes` is 1. See `laesi_tf.data.sample` for the keys.
     """
     chosen = _resolve_ranges(ranges, passes)
     passes = chosen.lighting_passes
     stop = start + count if count is not None else 2**62
     leaves = tf.data.Dataset.range(start // passes, -(-stop // passes))
     samples = samples_of_leaves(
-        leaves, seed=seed, size=size, ranges=chosen, textures=textures, parallel=parallel
+        leaves, seed=seed, size=size, ranges=chosen, textures=textures, parallel=parallel, render=render
     )
     return samples.skip(start % passes).take(stop - start)
 
@@ -59,6 +61,7 @@ def samples_of_leaves(
     passes: int | None = None,
     textures: tf.Tensor | None = None,
     parallel: int = tf.data.AUTOTUNE,
+    render: Callable[..., Sample] = synthesise,
 ) -> tf.data.Dataset:
     """Render the samples of `leaves`, a dataset of indices int64 []; all else is as in `synthetic_samples`.
 
@@ -69,7 +72,7 @@ def samples_of_leaves(
 
     def render_leaf(leaf: tf.Tensor) -> Sample:
         if passes == 1:
-            return synthesise(seed, size=size, ranges=chosen, index=leaf, textures=textures)
+            return render(seed, size=size, ranges=chosen, index=leaf, textures=textures)
         return synthesise_passes(seed, size=size, ranges=chosen, first=leaf * passes, textures=textures)
 
     samples = leaves.map(render_leaf, num_parallel_calls=parallel, deterministic=True)

@@ -23,6 +23,8 @@ from laesi_tf.estimators.base import Estimator, Measurement, PhotoInfo
 ALL = "all"
 """Name of the group of all photos."""
 _RESAMPLES = 2000
+_FAR_OFF_PERCENT = 10.0
+"""An area farther off than this should have been refused."""
 
 Summary = dict[str, float | int | None]
 """Metrics of a group of photos by name."""
@@ -35,6 +37,7 @@ class PhotoScore:
     photo: Photo
     method: str | None = None
     predicted_cm2: float | None = None
+    uncertainty_cm2: float | None = None
     iou: float | None = None
     pixel_error: float | None = None
     refusal: str | None = None
@@ -47,6 +50,17 @@ class PhotoScore:
         if self.predicted_cm2 is None:
             return None
         return 100.0 * (self.predicted_cm2 / self.photo.area_cm2 - 1.0)
+
+    @property
+    def is_silent_error(self) -> bool:
+        """Whether the photo got an area that is far off."""
+        return self.relative_error is not None and abs(self.relative_error) > _FAR_OFF_PERCENT
+
+    def is_within(self, deviations: float) -> bool | None:
+        """Return whether the true area lies within so many standard deviations of the predicted one."""
+        if self.predicted_cm2 is None or self.uncertainty_cm2 is None:
+            return None
+        return abs(self.predicted_cm2 - self.photo.area_cm2) <= deviations * self.uncertainty_cm2
 
 
 def score_photos(estimator: Estimator, photos: Sequence[Photo]) -> list[PhotoScore]:
@@ -97,6 +111,9 @@ def summarise(scores: Sequence[PhotoScore]) -> Summary:
         "mre_high": high,
         "median": average(metrics.median_relative_error),
         "p90": average(metrics.p90_relative_error),
+        "within_1_sd": _mean([score.is_within(1) for score in read]),
+        "within_2_sd": _mean([score.is_within(2) for score in read]),
+        "silent_errors": sum(score.is_silent_error for score in read),
         "miou": _mean([score.iou for score in read]),
         "mpe": _mean([score.pixel_error for score in read]),
         "refused": sum(score.refusal is not None for score in read),
@@ -155,6 +172,7 @@ def _score_photo(photo: Photo, measurement: Measurement, mask: Mask | None) -> P
         photo=photo,
         method=measurement.method,
         predicted_cm2=measurement.area_cm2,
+        uncertainty_cm2=measurement.uncertainty_cm2,
         iou=iou,
         pixel_error=pixel_error,
         refusal=measurement.refusal,

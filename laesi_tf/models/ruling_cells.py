@@ -31,7 +31,7 @@ class CellAnswers(NamedTuple):
     readable: tf.Tensor
     """[h, w], that a ruling of two crossing families can be read here."""
     periods: tf.Tensor
-    """[h, w, PERIOD_BINS] of the finest printed period."""
+    """[h, w, PERIOD_BINS] of the finest visible period."""
     directions: tf.Tensor
     """[h, w, DIRECTION_BINS] of the direction of the lines modulo 90 degrees."""
 

@@ -28,8 +28,8 @@ HEADS = {
     "heaviest": PERIOD_BINS,
     "directions": DIRECTION_BINS,
 }
-"""Output channels in order: a ruling of two crossing families can be read; lines may be printed that are too
-fine to be seen; period of the finest printed lines; period of the heaviest visible lines; direction modulo 90
+"""Output channels in order: a ruling of two crossing families can be read; finer lines are printed than can
+be seen; period of the finest visible lines; period of the heaviest visible lines; direction modulo 90
 degrees."""
 CHANNELS = sum(HEADS.values())
 NOT_ASKED = -1
@@ -48,9 +48,9 @@ class RulingTargets(NamedTuple):
     finest_uncertain: tf.Tensor
     """1 where finer lines are printed than can be seen, 0 where the finest are seen, or NOT_ASKED."""
     log_period: tf.Tensor
-    """ln of pixels per period of the finest printed lines, geometric mean of both families."""
+    """ln of pixels per period of the finest visible lines, geometric mean of both families."""
     log_heaviest: tf.Tensor
-    """ln of pixels per period of the heaviest lines; of the finest where none are heavier."""
+    """ln of pixels per period of the heaviest visible lines; of the finest where none are heavier."""
     direction: tf.Tensor
     """0..1, in units of 90 degrees."""
 

@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import keras
 import numpy as np
@@ -19,6 +19,7 @@ from laesi_tf.common.schema import check_choice, check_number, read_toml
 from laesi_tf.models.area_network import TRANSFORMS, build_area_network
 from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone
 from laesi_tf.models.mask_network import build_mask_network
+from laesi_tf.models.ruling_network import build_ruling_network
 from laesi_tf.models.weights_file import load_weights
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
@@ -40,7 +41,7 @@ class ModelSpec:
 
     def __post_init__(self) -> None:
         known: dict[str, Collection[str]] = {
-            "task": NETWORK_BUILDERS,
+            "task": {**HEAD_BUILDERS, **NETWORK_BUILDERS},
             "backbone": BACKBONES,
             "transform": TRANSFORMS,
         }
@@ -61,10 +62,13 @@ class ModelSpec:
         return cls(**{name: values[name] for name in names} | {"size": height_width})
 
 
-# A head on a backbone without classifier: the one place where a task gets its network.
-NETWORK_BUILDERS: dict[str, Callable[[keras.Model, ModelSpec], keras.Model]] = {
+# The one place where a task gets its network: a head on a backbone without classifier, or all of it.
+HEAD_BUILDERS: dict[str, Callable[[keras.Model, ModelSpec], keras.Model]] = {
     "area": lambda base, spec: build_area_network(base, transform=spec.transform),
     "mask": lambda base, spec: build_mask_network(base),
+}
+NETWORK_BUILDERS: dict[str, Callable[[ModelSpec], keras.Model]] = {
+    "ruling": lambda spec: build_ruling_network(*spec.size),
 }
 
 
@@ -77,18 +81,28 @@ class Run:
     model: keras.Model
 
 
-def build_network(spec: ModelSpec, *, weights: str = FROM_SCRATCH) -> tuple[keras.Model, str]:
-    """Build an untrained network; return it and the origin of its backbone's `weights`.
+class BuiltNetwork(NamedTuple):
+    """A network, the part of it that may be pretrained, and the origin of that part's weights."""
 
-    `weights` is as for `build_backbone`. Raises InputError for weights that are not available.
+    model: keras.Model
+    backbone: keras.Model | None
+    origin: str
+
+
+def build_network(spec: ModelSpec, *, weights: str = FROM_SCRATCH) -> BuiltNetwork:
+    """Build the network of `spec`, untrained but for the `weights` of its backbone (see `build_backbone`).
+
+    Raises InputError for weights that are not available, or if the task's network has no backbone.
     """
-    base, origin = build_backbone(spec.backbone, size=spec.size, alpha=spec.alpha, weights=weights)
-    return add_head(base, spec), origin
-
-
-def add_head(base: keras.Model, spec: ModelSpec) -> keras.Model:
-    """Add the head of `spec.task` to a backbone without classifier."""
-    return NETWORK_BUILDERS[spec.task](base, spec)
+    if spec.task in HEAD_BUILDERS:
+        base, origin = build_backbone(spec.backbone, size=spec.size, alpha=spec.alpha, weights=weights)
+        return BuiltNetwork(HEAD_BUILDERS[spec.task](base, spec), base, origin)
+    if weights not in ("auto", FROM_SCRATCH):
+        raise InputError(
+            f"weights = {weights!r}: the network of task {spec.task!r} has no pretrained backbone; leave it "
+            "out, or name a run of the same task"
+        )
+    return BuiltNetwork(NETWORK_BUILDERS[spec.task](spec), None, FROM_SCRATCH)
 
 
 def load_run(path: Path | str) -> Run:
@@ -106,7 +120,7 @@ def load_run(path: Path | str) -> Run:
     exported, best = path / EXPORTED_WEIGHTS_FILE, path / BEST_MODEL_FILE
     if not exported.is_file() and not best.is_file():
         raise InputError(f"run {path} has no {BEST_MODEL_FILE} yet: let train reach its first validation")
-    network, _ = build_network(spec)
+    network = build_network(spec).model
     if exported.is_file():
         load_float16(network, exported)
     else:

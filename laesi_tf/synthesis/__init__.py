@@ -12,8 +12,11 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis.geometry import ImageSize, require_shape
+from laesi_tf.synthesis.random_streams import RandomStreams, Stream
 from laesi_tf.synthesis.ranges_toml import load_ranges
 from laesi_tf.synthesis.renderer import render_lighting_passes, render_scene
+from laesi_tf.synthesis.ruling_crops import CROP_NUMBERS, render_ruling_crop
+from laesi_tf.synthesis.ruling_labels import CELL_PX
 from laesi_tf.synthesis.scene import COMPONENTS, Ranges, Scene, sample_lighting_passes, sample_scene
 
 SYNTHESIS_VERSION = 2
@@ -29,6 +32,7 @@ __all__ = [
     "sample_scene",
     "synthesise",
     "synthesise_passes",
+    "synthesise_ruling_crop",
 ]
 
 
@@ -48,9 +52,9 @@ def synthesise(
     (see `laesi_tf.data.leaf_textures`).
 
     Returns `image` uint8 [H, W, 3], `mask` uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area
-    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels), `kind`
-    int32 [] (position of the leaf's kind in the ranges' `leaf`) and `index` int64 []. Raises InputError for
-    unknown ranges, ValueError for an invalid size or textures of another shape.
+    centroid) and `tilt_deg` float32 [], `to_px` float32 [3, 3] (homography from sheet mm to pixels, without
+    lens and bend), `kind` int32 [] (position of the leaf's kind in the ranges' `leaf`) and `index` int64 [].
+    Raises InputError for unknown ranges, ValueError for an invalid size or textures of another shape.
     """
     _require_size(size)
     textures = _as_textures(textures)
@@ -80,6 +84,31 @@ def synthesise_passes(
     samples = render_lighting_passes(scenes, size, textures=textures)
     stacked = {name: tf.stack([sample[name] for sample in samples]) for name in samples[0]}
     return stacked | {"index": first + tf.range(len(samples), dtype=tf.int64)}
+
+
+@tf.autograph.experimental.do_not_convert
+def synthesise_ruling_crop(
+    seed: tf.Tensor | int,
+    *,
+    size: ImageSize = (192, 192),
+    ranges: str | Path | Ranges = "rendering_2",
+    index: tf.Tensor | int = 0,
+    textures: tf.Tensor | None = None,
+) -> dict[str, tf.Tensor]:
+    """Render a crop, at any scale, of image `index` of `seed`: what the ruling network is trained on.
+
+    Arguments and result are those of `synthesise`, and `ruling` float32 [h, w, 5], the labels of the cells
+    of 16 x 16 pixels (`laesi_tf.synthesis.ruling_labels`). Raises ValueError for a size that is not a
+    multiple of 16.
+    """
+    _require_size(size)
+    if any(side % CELL_PX for side in size):
+        raise ValueError(f"size is {size!r}; both sides must be multiples of {CELL_PX} pixels")
+    textures = _as_textures(textures)
+    index = tf.cast(index, tf.int64)
+    scene = sample_scene(seed, index, load_ranges(ranges))
+    numbers = RandomStreams(seed, index).uniform([CROP_NUMBERS], Stream.CROP)
+    return render_ruling_crop(scene, size, numbers, textures=textures) | {"index": index}
 
 
 def _as_textures(textures: tf.Tensor | None) -> tf.Tensor | None:

@@ -32,8 +32,18 @@ def px_per_mm_at(homography: tf.Tensor, point: tf.Tensor) -> tf.Tensor:
     """Return pixels per mm at `point` [2] mm: the root of the Jacobian determinant, |det H| / w^3."""
     require_shape("point", point, (2,))
     w = tf.reduce_sum(homography[2, :2] * point) + homography[2, 2]
-    determinant = tf.reduce_sum(homography[0] * tf.linalg.cross(homography[1], homography[2]))
-    return tf.sqrt(tf.abs(determinant) / tf.abs(w) ** 3)
+    return tf.sqrt(tf.abs(determinant(homography)) / tf.abs(w) ** 3)
+
+
+def determinant(matrix: tf.Tensor) -> tf.Tensor:
+    """Return the determinant [] of `matrix` [3, 3]; XLA lacks that of TensorFlow."""
+    return tf.reduce_sum(matrix[0] * tf.linalg.cross(matrix[1], matrix[2]))
+
+
+def invert_homography(homography: tf.Tensor) -> tf.Tensor:
+    """Return the inverse [3, 3] of a homography up to a factor, which its division removes: the adjugate."""
+    columns = tf.linalg.cross(tf.gather(homography, [1, 2, 0]), tf.gather(homography, [2, 0, 1]))
+    return tf.transpose(columns)
 
 
 def pixel_centres_to_sheet(to_px: tf.Tensor, size: ImageSize) -> tuple[tf.Tensor, tf.Tensor]:

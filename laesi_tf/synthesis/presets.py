@@ -3,8 +3,9 @@
 import dataclasses
 from typing import Any
 
-from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.ranges import Probability, fields_of
+from laesi_tf.synthesis.camera.params import CameraParams
+from laesi_tf.synthesis.paper.params import KIND_NAMES, PaperParams
+from laesi_tf.synthesis.ranges import Probability, choice, fields_of
 from laesi_tf.synthesis.scene import PARTS, Ranges
 
 RENDERING_2 = Ranges()
@@ -18,8 +19,48 @@ RENDERING_1 = Ranges(
         crease_depth=(0.05, 0.3),
     )
 )
-PRESETS: dict[str, Ranges] = {"rendering_1": RENDERING_1, "rendering_2": RENDERING_2}
-"""The paper's two: "Rendering 2" narrows the noise of the paper model, nothing else (section 4.3)."""
+_KINDS = {
+    "millimetre": 0.62,
+    "mm_1_2_10": 0.05,
+    "mm_2_10": 0.06,
+    "mm_4": 0.03,
+    "mm_5": 0.06,
+    "quarter_inch": 0.04,
+    "tenth_inch": 0.04,
+    "lines": 0.04,
+    "plain": 0.06,
+}
+PHONE = Ranges(
+    paper=PaperParams(
+        # White and cream paper; printed inks are not saturated.
+        hue=(0.06, 0.2),
+        saturation=(0.0, 0.1),
+        brightness=(0.82, 1.0),
+        ink_matches=Probability(0.04),
+        ink_saturation=(0.1, 0.7),
+        ink_darkness=(0.1, 0.75),
+        strength_1mm=(0.08, 0.9),
+        strength_5mm=(0.05, 1.0),
+        strength_10mm=(0.05, 1.0),
+        width_5mm=(0.1, 0.5),
+        width_10mm=(0.1, 0.6),
+        ink_spread_mm=(0.03, 0.12),
+        kind=choice(*KIND_NAMES).with_weights(**_KINDS),
+        dotted=Probability(0.08),
+        dot_mm=(0.2, 0.7),
+        spacing_mm=(1.5, 10.0),
+    ),
+    camera=CameraParams(
+        distorted=Probability(0.5),
+        bent=Probability(0.3),
+        sharpened=Probability(0.4),
+        resized=Probability(0.4),
+        is_jpeg=Probability(0.75),
+    ),
+)
+PRESETS: dict[str, Ranges] = {"rendering_1": RENDERING_1, "rendering_2": RENDERING_2, "phone": PHONE}
+"""The paper's two, of which "Rendering 2" narrows the noise of the paper model, nothing else (section 4.3);
+and `phone`, what phones see."""
 
 
 def enable_all_components(ranges: Ranges) -> Ranges:

@@ -50,6 +50,7 @@ class Stream(enum.IntEnum):
     DESK_GRAIN = 44
     ILLUMINATION = 45
     SENSOR = 46
+    CROP = 60
 
 
 _PHILOX = tf.random.Algorithm.PHILOX.value

@@ -6,6 +6,7 @@ generic over what its fields hold. `PaperParams[Range]` holds ranges, its defaul
 
 - `(low, high)`: uniform between the two;
 - `Probability(p)`: True with probability p;
+- `Choice(names, weights)`: one of some names, as often as its weight says;
 - a plain number: always that number.
 
 Fields are append-only: field i is sampled from number i of its part's random stream, so a new field at the
@@ -26,12 +27,27 @@ class Probability(NamedTuple):
     p: float
 
 
-Range: TypeAlias = float | tuple[float, float] | Probability
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """One of `names`, sampled in proportion to `weights`; the sampled field holds its position."""
+
+    names: tuple[str, ...]
+    weights: tuple[float, ...]
+
+    def with_weights(self, **weights: float) -> "Choice":
+        """Return a choice between the same names with these weights, 0 for the names not given."""
+        return Choice(self.names, tuple(weights.get(name, 0.0) for name in self.names))
+
+
+Range: TypeAlias = float | tuple[float, float] | Probability | Choice
 """What a field holds before sampling."""
 
 
 class Scalar(Protocol):
-    """What a field holds after sampling: a scalar tensor, bool for a Probability, float32 otherwise."""
+    """What a field holds after sampling: a scalar tensor, bool for a Probability, float32 otherwise.
+
+    That of a Choice is the position of the chosen name.
+    """
 
     def __add__(self, other: Any, /) -> Any: ...
     def __radd__(self, other: Any, /) -> Any: ...
@@ -66,6 +82,11 @@ def probability(p: float) -> Any:
     return Probability(p)
 
 
+def choice(*names: str) -> Any:
+    """Return the default of a field that is always the first of `names` and may be any of them."""
+    return Choice(names, (1.0,) + (0.0,) * (len(names) - 1))
+
+
 def constant(value: float) -> Any:
     """Return the default of a field that is always `value`."""
     return value
@@ -98,14 +119,34 @@ def sample_params_of_kind(kinds: Sequence[Any], kind: tf.Tensor, uniform: tf.Ten
     low, high = tf.unstack(tf.gather(tf.constant(bounds), kind), axis=-1)
     values = tf.unstack(low + uniform * (high - low))
     sampled = {
-        name: value >= 0 if isinstance(range_, Probability) else value
+        name: _finish_value(range_, value)
         for (name, range_), value in zip(fields_of(kinds[0]).items(), values, strict=True)
     }
     return dataclasses.replace(kinds[0], **sampled)
 
 
+def _finish_value(range_: Range, value: tf.Tensor) -> tf.Tensor:
+    """Return the sampled field from a `value` that is uniform within its `_interval`."""
+    if isinstance(range_, Probability):
+        return value >= 0
+    if isinstance(range_, Choice):
+        return tf.cast(choose(range_.weights, value), tf.float32)
+    return value
+
+
+def choose(weights: Sequence[float], uniform: tf.Tensor) -> tf.Tensor:
+    """Return the position, int32, of the interval of cumulative `weights` that holds `uniform` in [0, 1)."""
+    steps = tf.cumsum(tf.constant(weights, tf.float32) / sum(weights))
+    return tf.minimum(tf.reduce_sum(tf.cast(uniform >= steps, tf.int32)), len(weights) - 1)
+
+
 def _interval(range_: Range) -> tuple[float, float]:
-    """Return (low, high); a Probability p becomes an interval that is not below zero with probability p."""
+    """Return (low, high); a Probability p becomes an interval that is not below zero with probability p.
+
+    A Choice becomes the interval from 0 to 1, for its cumulative weights.
+    """
+    if isinstance(range_, Choice):
+        return 0.0, 1.0
     if isinstance(range_, Probability):
         return range_.p - 1, range_.p
     return range_ if isinstance(range_, tuple) else (range_, range_)

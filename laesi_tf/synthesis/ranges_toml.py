@@ -9,6 +9,7 @@ A file names the preset that it starts from and what it changes; everything else
     [paper]
     hue = [0.0, 0.1]            # uniform between the two
     tinted = {chance = 0.5}     # true half of the time
+    kind = {millimetre = 0.8, plain = 0.2}      # relative frequencies
 
     [leaf.oak]
     weight = 0.6                # relative frequency of this kind of leaf
@@ -25,7 +26,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.schema import check_choice, check_integer, check_key, check_number, read_toml
 from laesi_tf.synthesis.leaf.veins import MAX_SECONDARY_VEINS
 from laesi_tf.synthesis.presets import PRESETS, RENDERING_2
-from laesi_tf.synthesis.ranges import Probability, fields_of
+from laesi_tf.synthesis.ranges import Choice, Probability, fields_of
 from laesi_tf.synthesis.scene import COMPONENTS, PARTS, Ranges
 
 
@@ -36,7 +37,8 @@ def ranges_to_toml(ranges: Ranges) -> str:
 
 def _toml_lines(ranges: Ranges) -> Iterator[str]:
     yield "# [low, high] is uniform between the two, {chance = p} true with probability p,"
-    yield "# a single number always that number. Omitted keys are as in `base`."
+    yield "# a single number always that number, {name = weight, ...} one of the names."
+    yield "# Omitted keys are as in `base`."
     yield 'base = "rendering_2"'
     yield f"lighting_passes = {ranges.lighting_passes}"
     left_out = [f'"{name}"' for name in COMPONENTS if name in ranges.without]
@@ -58,6 +60,9 @@ def _toml_table(name: str, values: dict[str, Any]) -> Iterator[str]:
 def _toml_value(value: Any) -> str:
     if isinstance(value, Probability):
         return f"{{chance = {value.p!r}}}"
+    if isinstance(value, Choice):
+        weights = zip(value.names, value.weights, strict=True)
+        return "{" + ", ".join(f"{name} = {weight!r}" for name, weight in weights if weight) + "}"
     return f"[{value[0]!r}, {value[1]!r}]" if isinstance(value, tuple) else repr(value)
 
 
@@ -133,7 +138,9 @@ def _parse_params(start: Any, table: dict[str, Any], where: str) -> Any:
 
 
 def _parse_range(value: Any, start: Any, where: str) -> Any:
-    """Parse one range: a probability where `start` is one, otherwise a number or an interval."""
+    """Parse one range: a probability or choice where `start` is one, otherwise a number or an interval."""
+    if isinstance(start, Choice):
+        return _parse_choice(value, start, where)
     if isinstance(start, Probability):
         chance = value.get("chance") if isinstance(value, dict) else None
         if not _is_number(chance) or not 0 <= chance <= 1:
@@ -145,6 +152,16 @@ def _parse_range(value: Any, start: Any, where: str) -> Any:
     if len(pair) != 2 or not all(map(_is_number, pair)) or pair[0] > pair[1]:
         raise InputError(f"{where} = {value!r} must be a number or [low, high]")
     return float(pair[0]), float(pair[1])
+
+
+def _parse_choice(value: Any, start: Choice, where: str) -> Choice:
+    table = _require_table(value, where)
+    for name in table:
+        check_key(name, start.names, where=f"{where}:")
+    weights = {name: check_number(f"{where}: {name}", weight, low=0) for name, weight in table.items()}
+    if not sum(weights.values()):
+        raise InputError(f"{where} = {value!r} gives every name weight 0; give one a weight")
+    return start.with_weights(**weights)
 
 
 def _require_within(limits: tuple[float, float], drawn: Any, where: str) -> None:

@@ -5,7 +5,8 @@
 3. Props, from flat to high.
 4. The leaf's shadow; the leaf: colour, browned edge, spots, veins, undulation and relief; its mask.
 5. Light and tone: illumination, reflection of glass, white balance, exposure, contrast, saturation.
-6. Camera: focus blur, sensor noise, chroma at half the resolution, 8 bits.
+6. Camera: focus blur, sensor noise, sharpening, chroma at half the resolution, 8 bits.
+7. File: resizing and JPEG.
 
 This module holds no arithmetic. Each `kernels.x` is the XLA-compiled form of the plain function `x` of the
 module that `kernels` names. A stage receives the names of its components that images may contain.
@@ -17,7 +18,7 @@ from typing import NamedTuple
 import tensorflow as tf
 
 from laesi_tf.synthesis import geometry, kernels, rasterizer
-from laesi_tf.synthesis.camera import imaging
+from laesi_tf.synthesis.camera import file, imaging
 from laesi_tf.synthesis.camera.view import tilt_deg
 from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.leaf.outline import OUTLINE_POINTS, OutlineCurve
@@ -29,8 +30,10 @@ from laesi_tf.synthesis.props.registry import SampledProp
 from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout
 
-_SHEET = ("paper_noise", "crease", "ruling", "desk")
+_SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk")
+_VIEW = ("lens", "bend")
 _LEAF = ("surface", "browned_margin", "spots", "veins", "undulation", "relief")
+_FILE = ("resizing", "jpeg")
 _LIGHT = ("illumination", "glass", "development")
 
 
@@ -45,15 +48,22 @@ class SharedLayers(NamedTuple):
     leaf: LeafInputs
 
 
-def render_scene(scene: Scene, size: ImageSize, *, textures: tf.Tensor | None = None) -> dict[str, tf.Tensor]:
+def render_scene(
+    scene: Scene,
+    size: ImageSize,
+    *,
+    layout: SceneLayout | None = None,
+    textures: tf.Tensor | None = None,
+) -> dict[str, tf.Tensor]:
     """Render a scene as an image of `size` (height, width) in pixels.
 
+    `layout` replaces the scene's own, for another view of it.
     `textures` [N, T, T, 3] are photos of leaves relative to mean 1. Returns `image` uint8 [H, W, 3], `mask`
     uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area centroid) and `tilt_deg` float32 [], `to_px`
-    float32 [3, 3] (homography from sheet mm to pixels), and `kind` int32 [], the position of the leaf's kind
-    in the ranges.
+    float32 [3, 3] (homography from sheet mm to pixels, without lens and bend), and `kind` int32 [], the
+    position of the leaf's kind in the ranges.
     """
-    layers = _prepare_layers(scene, size, textures)
+    layers = _prepare_layers(scene, layout or compute_layout(scene, size), size, textures)
     px_per_mm = layers.layout.view.px_per_mm
     image, mask = kernels.composite_leaf(
         layers.background,
@@ -71,7 +81,7 @@ def render_lighting_passes(
 ) -> list[dict[str, tf.Tensor]]:
     """Render scenes that differ in their light only; returns one sample per scene, as `render_scene` does."""
     first = scenes[0]
-    layers = _prepare_layers(first, size, textures)
+    layers = _prepare_layers(first, compute_layout(first, size), size, textures)
     px_per_mm = layers.layout.view.px_per_mm
     leaf, mask = kernels.paint_leaf(layers.leaf, first.surface, px_per_mm, size, _enabled(first, *_LEAF))
     samples = []
@@ -81,9 +91,10 @@ def render_lighting_passes(
     return samples
 
 
-def _prepare_layers(scene: Scene, size: ImageSize, textures: tf.Tensor | None) -> SharedLayers:
-    """Lay out the scene, paint sheet, desk and props, and rasterise the edges of the leaf."""
-    layout = compute_layout(scene, size)
+def _prepare_layers(
+    scene: Scene, layout: SceneLayout, size: ImageSize, textures: tf.Tensor | None
+) -> SharedLayers:
+    """Paint sheet, desk and props, and rasterise the edges of the leaf."""
     background = _paint_sheet(scene, layout, size)
     background = draw_props(background, scene, layout, size)
     return SharedLayers(layout, background, _prepare_leaf(scene, layout, size, textures))
@@ -95,14 +106,16 @@ def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:
     curve = OutlineCurve(points, lengths, geometry.find_segments(lengths, OUTLINE_POINTS))
     # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
     size_tensor = tf.constant(size, tf.float32)
-    return kernels.compute_layout(scene.leaf, scene.camera, curve, scene.numbers.holes, size_tensor)
+    return kernels.compute_layout(
+        scene.leaf, scene.camera, curve, scene.numbers.holes, size_tensor, _enabled(scene, *_VIEW)
+    )
 
 
 def _paint_sheet(scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tensor:
     """Paint sheet noise, crease and ruling, and the desk around the sheet: [3, H, W]."""
     components, cells = _enabled(scene, *_SHEET), None
     if "ruling" in components:
-        cells = kernels.compute_ruling_cells(scene.paper, layout.view.to_px, size)
+        cells = kernels.compute_ruling_cells(scene.paper, layout.view, size, _enabled(scene, "paper_kinds"))
     return kernels.paint_sheet_and_desk(
         scene.paper,
         scene.numbers.sheet,
@@ -118,7 +131,7 @@ def _paint_sheet(scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tenso
 
 def draw_props(image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tensor:
     """Draw the props that the scene has over [3, H, W], from flat to high."""
-    context = PropContext(layout.outline, layout.view.to_px, tf.constant(size[::-1], tf.float32))
+    context = PropContext(layout.outline, layout.view, tf.constant(size[::-1], tf.float32))
 
     def draw(prop: SampledProp, image: tf.Tensor) -> tf.Tensor:
         raster = kernels.rasterise_prop(
@@ -174,7 +187,7 @@ def _finish_sample(
 
 
 def _record(exposed: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor) -> tf.Tensor:
-    """Apply focus blur, sensor noise, chroma at half the resolution, 8 bits: uint8 [H, W, 3]."""
+    """Apply focus blur, sensor noise, sharpening, chroma, 8 bits and the file: uint8 [H, W, 3]."""
     camera, image, noise = scene.camera, exposed, None
     if "sensor_noise" in scene.components:
         noise = imaging.cut_sensor_noise(scene.light_numbers.sensor, (image.shape[1], image.shape[2]))
@@ -183,15 +196,25 @@ def _record(exposed: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor) -> tf.Tensor
             camera.blurred, lambda: kernels.apply_focus_blur(exposed, camera, px_per_mm), lambda: exposed
         )
 
+    if "sharpening" in scene.components:
+        # The noise comes first, since sharpening amplifies it.
+        noisy = kernels.add_sensor_noise(image, camera, noise)
+        image = tf.cond(camera.sharpened, lambda: kernels.sharpen(noisy, camera), lambda: noisy)
+        noise = None
+
     def record_compressed() -> tf.Tensor:
         return kernels.record_with_chroma(*kernels.subsample_chroma(image, camera, noise))
 
     def record() -> tf.Tensor:
         return kernels.record(image, camera, noise)
 
-    if "chroma_softness" not in scene.components:
-        return record()
-    return tf.cond(camera.compressed, record_compressed, record)
+    recorded = (
+        tf.cond(camera.compressed, record_compressed, record)
+        if "chroma_softness" in scene.components
+        else record()
+    )
+    in_file = _enabled(scene, *_FILE)
+    return file.compress(recorded, camera, in_file) if in_file else recorded
 
 
 def _enabled(scene: Scene, *stage: str) -> tuple[str, ...]:

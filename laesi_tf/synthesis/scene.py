@@ -1,7 +1,7 @@
 """The sampled parameters of one synthetic image, and the ranges from which they are sampled."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import tensorflow as tf
@@ -11,6 +11,7 @@ from laesi_tf.synthesis.leaf.params import LEAF_KINDS, LeafParams
 from laesi_tf.synthesis.leaf.surface import SurfaceParams
 from laesi_tf.synthesis.light import LightParams
 from laesi_tf.synthesis.paper.desk import DeskParams
+from laesi_tf.synthesis.paper.kinds import finest_mm, heaviest_mm
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.props.registry import PROPS, PropsParams, SampledProp, sample_prop
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
@@ -18,7 +19,9 @@ from laesi_tf.synthesis.ranges import (
     Probability,
     Range,
     Scalar,
+    choose,
     field_count,
+    fields_of,
     sample_params,
     sample_params_of_kind,
 )
@@ -30,9 +33,12 @@ from laesi_tf.synthesis.scene_numbers import (
 )
 
 COMPONENTS = (
+    "lens",
+    "bend",
     "paper_noise",
     "crease",
     "ruling",
+    "paper_kinds",
     "desk",
     *PROPS,
     "shadow",
@@ -47,10 +53,23 @@ COMPONENTS = (
     "development",
     "focus",
     "sensor_noise",
+    "sharpening",
     "chroma_softness",
+    "resizing",
+    "jpeg",
 )
 """What an image consists of beside leaf and sheet, in compositing order; each can be left out by name."""
 
+
+_SWITCHES = {
+    "paper_kinds": ("paper", ("kind", "dotted")),
+    "lens": ("camera", ("distorted",)),
+    "bend": ("camera", ("bent",)),
+    "sharpening": ("camera", ("sharpened",)),
+    "resizing": ("camera", ("resized",)),
+    "jpeg": ("camera", ("is_jpeg",)),
+}
+"""Components that the paper's presets lack: part and fields whose defaults switch a component off."""
 
 PARTS = ("paper", "surface", "light", "props", "camera", "desk")
 """Fields of Ranges that hold one parameter class each; the leaf has one for each kind."""
@@ -78,15 +97,36 @@ class Ranges:
     def has(self, component: str) -> bool:
         """Return whether images may contain `component`."""
         is_never_present = getattr(self.props, component, None) == Probability(0.0)
+        if component in _SWITCHES:
+            part, defaults = _switched_off(component)
+            fields = fields_of(getattr(self, part))
+            is_never_present = all(fields[name] == default for name, default in defaults.items())
         return component not in self.without and not is_never_present
 
     def list_enabled_components(self) -> tuple[str, ...]:
         """Return the components that images may contain, in compositing order."""
         return tuple(name for name in COMPONENTS if self.has(name))
 
+    def switch_off_left_out(self) -> "Ranges":
+        """Return ranges whose fields say what `without` says, so that a scene's parameters are true."""
+        ranges = self
+        for component in sorted(self.without & set(_SWITCHES)):
+            part, defaults = _switched_off(component)
+            ranges = dataclasses.replace(
+                ranges, **{part: dataclasses.replace(getattr(ranges, part), **defaults)}
+            )
+        return ranges
+
     def with_passes(self, passes: int) -> "Ranges":
         """Return the same ranges with another number of lighting passes per leaf."""
         return dataclasses.replace(self, lighting_passes=passes)
+
+
+def _switched_off(component: str) -> tuple[str, dict[str, Range]]:
+    """Return the part of Ranges that holds `component`, and the fields' values that switch it off."""
+    part, names = _SWITCHES[component]
+    defaults = fields_of(getattr(Ranges(), part))
+    return part, {name: defaults[name] for name in names}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,6 +149,21 @@ class Scene:
     light_numbers: LightNumbers
     """Those of light and sensor: lighting passes over one leaf differ in `light` and in these."""
 
+    @property
+    def finest_mm(self) -> tf.Tensor:
+        """The finest printed period in mm, float32 []; 0 unless lines or dots are printed both ways."""
+        return finest_mm(self.paper) if "ruling" in self.components else tf.constant(0.0)
+
+    @property
+    def heaviest_mm(self) -> tf.Tensor:
+        """The period in mm of the heaviest family, float32 []; 0 without a ruling."""
+        return heaviest_mm(self.paper) if "ruling" in self.components else tf.constant(0.0)
+
+    @property
+    def has_ruling(self) -> tf.Tensor:
+        """Whether lines or dots are printed in two directions, bool []."""
+        return self.finest_mm > 0
+
 
 def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) -> Scene:
     """Sample the scene of image (`seed`, `index`), integer scalars below 2^58.
@@ -117,10 +172,11 @@ def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) 
     were.
     """
     index = tf.cast(index, tf.int64)
+    ranges = ranges.switch_off_left_out()
     components = ranges.list_enabled_components()
     streams = RandomStreams(seed, index // ranges.lighting_passes)
     weights, kinds = zip(*ranges.leaf.values(), strict=True)
-    kind = _choose_kind(weights, streams.uniform([], Stream.LEAF_KIND))
+    kind = choose(weights, streams.uniform([], Stream.LEAF_KIND))
     leaf_numbers = streams.uniform([field_count(kinds[0])], Stream.LEAF)
     light, light_numbers = _sample_light(seed, index, ranges)
     numbers = sample_scene_numbers(streams)
@@ -158,9 +214,3 @@ def _sample_light(
 ) -> tuple[LightParams[Scalar], LightNumbers]:
     streams = RandomStreams(seed, index)
     return _sample_part(ranges.light, streams, Stream.LIGHT), sample_light_numbers(streams)
-
-
-def _choose_kind(weights: Sequence[float], uniform: tf.Tensor) -> tf.Tensor:
-    """Return the index, int32, of the interval of cumulative `weights` that holds `uniform` in [0, 1)."""
-    steps = tf.cumsum(tf.constant(weights, tf.float32) / sum(weights))
-    return tf.minimum(tf.reduce_sum(tf.cast(uniform >= steps, tf.int32)), len(weights) - 1)

@@ -11,7 +11,6 @@ from laesi_tf.synthesis.geometry import (
     ImageSize,
     interpolate_at,
     polygon_edges,
-    project_points,
     subdivide_edges,
     subdivide_polygon,
 )
@@ -58,10 +57,12 @@ def compute_layout(
     curve: OutlineCurve,
     hole_numbers: tf.Tensor,
     size: tf.Tensor,
+    components: tuple[str, ...],
 ) -> SceneLayout:
     """Place the leaf on the sheet and point the camera at it.
 
-    `hole_numbers` [k, 8] are uniform in [0, 1), `size` [2] is the image's height and width in pixels.
+    `hole_numbers` [k, 8] are uniform in [0, 1), `size` [2] is the image's height and width in pixels. Any
+    `components` bend the straight lines of the view.
     """
     outline, holes = interpolate_at(*curve), hole_outlines(leaf, hole_numbers)
     cosine, sine = tf.cos(leaf.angle), tf.sin(leaf.angle)
@@ -73,7 +74,7 @@ def compute_layout(
         outline=centred,
         holes=pose.apply(holes),
         pose=pose,
-        view=compute_view(camera, centred, size),
+        view=compute_view(camera, centred, size, is_distorted=bool(components)),
         area_cm2=leaf_area_cm2(outline, holes),
     )
 
@@ -94,7 +95,7 @@ def leaf_contributions(
     if "veins" not in components:
         return of_outline, None
     outlines = vein_edges(leaf, turtle_noise, surface.vein_jitter, surface.vein_width_mm)
-    projected = project_points(layout.view.to_px, layout.pose.apply(outlines))
+    projected = layout.view.to_photo(layout.pose.apply(outlines))
     pieces = math.ceil(max(size) / 40)
     return of_outline, edge_contributions(subdivide_edges(projected, pieces), size)
 
@@ -103,7 +104,6 @@ def leaf_edges(layout: SceneLayout, size: ImageSize) -> tf.Tensor:
     """Return the edges [n, 2 ends, 2] of the leaf and its holes in pixels."""
     pieces = math.ceil(max(size) / 256)
     loops = [
-        subdivide_polygon(project_points(layout.view.to_px, points), pieces)
-        for points in (layout.outline, layout.holes)
+        subdivide_polygon(layout.view.to_photo(points), pieces) for points in (layout.outline, layout.holes)
     ]
     return tf.concat([tf.reshape(polygon_edges(points), [-1, 2, 2]) for points in loops], axis=0)

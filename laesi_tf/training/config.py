@@ -109,6 +109,11 @@ class TrainConfig:
         if self.loss not in ("auto", *losses):
             raise InputError(f"loss = {self.loss!r} must be {format_choices(losses)} for task {self.task!r}")
         _check_augmentations(self.augment)
+        if TASKS[self.task].live_scenes_only and (self.mixture or self.augment or self.lighting_passes != 1):
+            raise InputError(
+                f"task {self.task!r} is trained on live scenes in one light; leave out mixture, augment and "
+                "lighting_passes"
+            )
         if self.batch_size % self.lighting_passes:
             raise InputError(
                 f"batch_size = {self.batch_size} must be a multiple of "

@@ -9,8 +9,8 @@ from laesi_tf.common.atomic_files import short_sha256
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.run_files import BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE
 from laesi_tf.models import batch_norm
-from laesi_tf.models.backbone import FROM_SCRATCH, build_backbone
-from laesi_tf.models.saved_model import ModelSpec, add_head, load_run
+from laesi_tf.models.backbone import FROM_SCRATCH
+from laesi_tf.models.saved_model import ModelSpec, build_network, load_run
 from laesi_tf.training.config import TrainConfig
 
 
@@ -25,18 +25,14 @@ def initialise_network(config: TrainConfig, *, origin: str | None = None) -> tup
     source = Path(config.weights)
     continues_run = origin is None and source.is_dir()
     weights = FROM_SCRATCH if continues_run or origin is not None else config.weights
-    base, backbone_origin = build_backbone(
-        config.backbone, size=config.size, alpha=config.alpha, weights=weights
-    )
-    model = add_head(base, ModelSpec.from_config(asdict(config)))
-    if continues_run:
-        backbone_origin = _copy_weights(source, model, config)
-    origin = origin or backbone_origin
+    built = build_network(ModelSpec.from_config(asdict(config)), weights=weights)
+    copied_origin = _copy_weights(source, built.model, config) if continues_run else built.origin
+    origin = origin or copied_origin
     if config.batch_norm == "frozen":
         if origin == FROM_SCRATCH:
             raise InputError("batch_norm = 'frozen' needs pretrained weights; choose 'recalibrated'")
-        batch_norm.freeze(base)
-    return model, origin
+        batch_norm.freeze(built.backbone or built.model)
+    return built.model, origin
 
 
 def _copy_weights(path: Path, model: keras.Model, config: TrainConfig) -> str:

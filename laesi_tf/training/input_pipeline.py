@@ -64,6 +64,7 @@ class InputPipeline:
             count=config.validation_pictures,
             passes=1,
             textures=self._textures,
+            render=task.renderer(),
         )
         examples = samples.map(lambda sample: (sample["image"], task.make_target(sample)))
         return examples.batch(config.batch_size).prefetch(2)
@@ -79,6 +80,7 @@ class InputPipeline:
             ranges=self._ranges,
             passes=passes,
             textures=self._textures,
+            render=make_task(self._config).renderer(),
         )
         return self._make_examples(
             samples.map(lambda sample: (sample["index"] - synthetic.TRAIN_INDICES[0], sample))

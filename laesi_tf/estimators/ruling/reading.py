@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.common.sheet_model import COUNT
 from laesi_tf.estimators.ruling.line_levels import FinerLines, HeavierLines, find_finer, find_heavier
 from laesi_tf.estimators.ruling.sheet_fit import SheetFit, fit_phases, fit_sheet
-from laesi_tf.estimators.ruling.sheet_model import COUNT
 from laesi_tf.estimators.ruling.sheet_waves import predict_waves, window_points
 from laesi_tf.estimators.ruling.spectra import (
     SIDE,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from laesi_tf.estimators.ruling.sheet_model import SheetModel, to_lines
+from laesi_tf.common.sheet_model import SheetModel, to_lines
 
 _DIFFERENCE = 1e-4
 """Step of numerical derivatives, in half the photo's longer side."""

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.common.sheet_model import COUNT
 from laesi_tf.estimators.ruling.least_squares import solve_normal
-from laesi_tf.estimators.ruling.sheet_model import COUNT
 from laesi_tf.estimators.ruling.sheet_waves import (
     Measured,
     masked_median,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators.ruling.sheet_model import SheetModel, to_lines
+from laesi_tf.common.sheet_model import SheetModel, to_lines
 from laesi_tf.estimators.ruling.spectra import SIDE, SPREAD_PX, Windows, measure_waves
 
 _REACH_PX = 1.55 * SPREAD_PX

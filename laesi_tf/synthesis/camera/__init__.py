@@ -1,1 +1,1 @@
-"""The camera: pose and projection, lens blur, tone, noise and chroma."""
+"""The camera: pose, projection and distortion, lens blur, tone, noise and chroma."""

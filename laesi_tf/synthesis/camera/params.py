@@ -41,3 +41,23 @@ class CameraParams(Generic[Value]):
     saturation: Value = interval(0.75, 1.3)
     compressed: Value = probability(0.35)
     """JPEG halves the resolution of colour."""
+    distorted: Value = probability(0.0)
+    k1: Value = interval(-0.05, 0.05)
+    """Radial distortion, per squared half of the photo's longer side; above zero: barrel."""
+    lens_x: Value = interval(-0.2, 0.2)
+    lens_y: Value = interval(-0.2, 0.2)
+    """Centre of the distortion from the photo's middle, in half its longer side: people crop photos."""
+    bent: Value = probability(0.0)
+    """The sheet is a part of a cylinder."""
+    bend: Value = interval(-0.03, 0.03)
+    """Its height half the photo's longer side away from the middle, in distances of the camera."""
+    bend_angle: Value = interval(-math.pi, math.pi)
+    sharpened: Value = probability(0.0)
+    sharpening: Value = interval(0.3, 1.5)
+    """Strength of the unsharp mask."""
+    sharpening_px: Value = interval(0.5, 2.0)
+    resized: Value = probability(0.0)
+    resize_factor: Value = interval(0.5, 1.6)
+    """Side of the file's image over that of the result, to which it is resized."""
+    is_jpeg: Value = probability(0.0)
+    jpeg_quality: Value = interval(25, 98)

@@ -1,4 +1,4 @@
-"""Place the camera: the homography from sheet mm to pixels.
+"""Place the camera: the map from sheet mm to pixels.
 
 Sheet coordinates are mm with the centre of the leaf's bounding box at the origin; conventions as in
 `laesi_tf.synthesis.geometry`.
@@ -10,9 +10,13 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.synthesis.camera.distortion import Distortion, inner_rectangle, make_distortion
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.geometry import (
     ImageSize,
+    determinant,
+    invert_homography,
+    pixel_centres_to_sheet,
     polygon_centroid,
     project_points,
     px_per_mm_at,
@@ -27,18 +31,49 @@ class CameraView(NamedTuple):
     """One camera position.
 
     `to_px` [3, 3] maps sheet mm to pixels, `px_per_mm` is the scale at the leaf's area centroid, `fov_mm` the
-    width of the sheet that the image shows at the leaf.
+    width of the sheet that the image shows at the leaf. With a `distortion`, which ranges without lens and
+    bend lack, `to_px` is the homography of the same photo without them.
     """
 
     to_px: tf.Tensor
     px_per_mm: tf.Tensor
     fov_mm: tf.Tensor
+    distortion: Distortion | None = None
+
+    def to_photo(self, points: tf.Tensor) -> tf.Tensor:
+        """Return the photo points [..., 2] in pixels of sheet `points` [..., 2] in mm."""
+        flat = project_points(self.to_px, points)
+        return flat if self.distortion is None else self.distortion.from_flat(flat)
+
+    def to_sheet(self, points: tf.Tensor) -> tf.Tensor:
+        """Return the sheet points [..., 2] in mm of photo `points` [..., 2] in pixels."""
+        flat = points if self.distortion is None else self.distortion.to_flat(points)
+        return project_points(invert_homography(self.to_px), flat)
+
+    def pixel_centres_to_sheet(self, size: ImageSize) -> tuple[tf.Tensor, tf.Tensor]:
+        """Return the sheet positions X and Y, [H, W] mm, of all pixel centres of the photo."""
+        if self.distortion is not None:
+            return self.distortion.pixel_centres_to_sheet(size)
+        return pixel_centres_to_sheet(self.to_px, size)
+
+    def mm2_per_px(self, points: tf.Tensor) -> tf.Tensor:
+        """Return the square millimetres of the sheet under a pixel, [...], at photo `points` [..., 2]."""
+        sheet = self.to_sheet(points)
+        w = tf.reduce_sum(sheet * self.to_px[2, :2], axis=-1) + self.to_px[2, 2]
+        of_flat = tf.abs(w) ** 3 / tf.abs(determinant(self.to_px))
+        return of_flat if self.distortion is None else of_flat * self.distortion.area_ratio(points)
 
 
-def compute_view(camera: CameraParams[Scalar], outline: tf.Tensor, size: ImageSize | tf.Tensor) -> CameraView:
+def compute_view(
+    camera: CameraParams[Scalar],
+    outline: tf.Tensor,
+    size: ImageSize | tf.Tensor,
+    *,
+    is_distorted: bool = False,
+) -> CameraView:
     """Point the camera at the leaf `outline` [n, 2] (sheet mm, centred) so that the image holds all of it.
 
-    `size` is (height, width) in pixels.
+    `size` is (height, width) in pixels; `is_distorted` adds lens and bend.
     """
     height, width = tf.unstack(tf.cast(size, tf.float32))
     extent = tf.reduce_max(outline, axis=0) - tf.reduce_min(outline, axis=0)
@@ -48,14 +83,29 @@ def compute_view(camera: CameraParams[Scalar], outline: tf.Tensor, size: ImageSi
     box = project_points(homography, outline)
     corner, box_size = tf.reduce_min(box, axis=0), tf.reduce_max(box, axis=0) - tf.reduce_min(box, axis=0)
     image_wh = tf.stack([width, height])
-    free_space = image_wh - 2 * IMAGE_BORDER * image_wh
+    low, free_space = IMAGE_BORDER * image_wh, image_wh - 2 * IMAGE_BORDER * image_wh
+    if is_distorted:
+        # The tilt that displaces bent paper is that of the placed camera, which differs a little.
+        centring = _place(1.0, image_wh / 2)
+        rough = make_distortion(camera, tf.linalg.matmul(centring, homography), height, width)
+        low, high = inner_rectangle(rough, low, low + free_space)
+        free_space = high - low
     zoom = tf.minimum(tf.reduce_min(free_space / box_size), 1)
     position = tf.stack([camera.place_x, camera.place_y])
-    shift = IMAGE_BORDER * image_wh + position * (free_space - zoom * box_size) - zoom * corner
-    # Scale by `zoom`, then shift, both in pixels.
+    shift = low + position * (free_space - zoom * box_size) - zoom * corner
+    to_px = tf.linalg.matmul(_place(zoom, shift), homography)
+    centroid = polygon_centroid(outline)
+    view = CameraView(to_px, px_per_mm_at(to_px, centroid), fov_mm=fov / zoom)
+    if not is_distorted:
+        return view
+    view = view._replace(distortion=make_distortion(camera, to_px, height, width))
+    return view._replace(px_per_mm=tf.math.rsqrt(view.mm2_per_px(view.to_photo(centroid))))
+
+
+def _place(zoom: tf.Tensor | float, shift: tf.Tensor) -> tf.Tensor:
+    """Return the matrix [3, 3] that scales by `zoom`, then shifts by `shift` [2], both in pixels."""
     move = tf.concat([shift, [1.0]], axis=0)[:, None] * np.array([0, 0, 1], np.float32)
-    to_px = tf.linalg.matmul(zoom * (_unit_matrix(0, 0) + _unit_matrix(1, 1)) + move, homography)
-    return CameraView(to_px, px_per_mm_at(to_px, polygon_centroid(outline)), fov_mm=fov / zoom)
+    return zoom * (_unit_matrix(0, 0) + _unit_matrix(1, 1)) + move
 
 
 def tilt_deg(camera: CameraParams[Scalar]) -> tf.Tensor:

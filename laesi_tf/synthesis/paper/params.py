@@ -4,7 +4,20 @@ import math
 from dataclasses import dataclass
 from typing import Generic
 
-from laesi_tf.synthesis.ranges import Value, interval, probability
+from laesi_tf.synthesis.ranges import Value, choice, constant, interval, probability
+
+KIND_NAMES = (
+    "millimetre",
+    "mm_1_2_10",
+    "mm_2_10",
+    "mm_4",
+    "mm_5",
+    "quarter_inch",
+    "tenth_inch",
+    "lines",
+    "plain",
+)
+"""The kinds of paper; `laesi_tf.synthesis.paper.kinds` says which lines they have."""
 
 
 @dataclass(frozen=True)
@@ -13,7 +26,8 @@ class PaperParams(Generic[Value]):
 
     Strengths are absorbances in [0, 1] at the centre of a line, hues are turns of the colour wheel, angles
     radians; `width_*` are line widths in mm, `phase_*` offsets of the ruling in mm, `*_cells` noise cells per
-    image.
+    image. On paper of another `kind` than millimetre paper, 1, 5 and 10 mm stand for its fine, medium and
+    heavy lines, and the phases for tenths of its period.
     """
 
     hue: Value = interval(0.0, 1.0)
@@ -64,3 +78,10 @@ class PaperParams(Generic[Value]):
     """Distance from the leaf's bounding box to each side of the sheet, mm."""
     border_mm: Value = interval(-6, 10)
     """Unprinted border; below zero the printing runs off the sheet."""
+    kind: Value = choice(*KIND_NAMES)
+    dotted: Value = probability(0.0)
+    """Dots where fine lines would cross, instead of the lines."""
+    dot_mm: Value = constant(0.4)
+    """Side of a dot, at most 0.4 of the pitch."""
+    spacing_mm: Value = constant(8.0)
+    """Distance of the lines of paper of kind `lines`."""

@@ -7,7 +7,7 @@ import tensorflow as tf
 from laesi_tf.synthesis import noise
 from laesi_tf.synthesis.camera.view import CameraView
 from laesi_tf.synthesis.colour import hsv_to_rgb
-from laesi_tf.synthesis.geometry import ImageSize, pixel_centres_to_sheet
+from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.paper import ruling
 from laesi_tf.synthesis.paper.desk import DeskParams, desk_grain, paint_desk
 from laesi_tf.synthesis.paper.params import PaperParams
@@ -51,10 +51,14 @@ def paint_sheet_and_desk(
     if "crease" in components:
         shade = tf.cond(
             paper.creased,
-            lambda: shade + crease_shading(paper, *pixel_centres_to_sheet(view.to_px, size), view.fov_mm),
+            lambda: shade + crease_shading(paper, *view.pixel_centres_to_sheet(size), view.fov_mm),
             lambda: shade,
         )
-    if ruling_cells is not None:
+    if ruling_cells is not None and "paper_kinds" in components:
+        samples = ruling.samples_of_any_kind(size)
+        transmission = ruling.pack_kind_transmission(paper, samples, 1 / view.px_per_mm)
+        coverage = ruling.look_up_line_coverage(transmission, ruling_cells, dotted=paper.dotted)
+    elif ruling_cells is not None:
         transmission = ruling.pack_line_transmission(paper, ruling.samples_per_mm(size), 1 / view.px_per_mm)
         coverage = ruling.look_up_line_coverage(transmission, ruling_cells)
 
@@ -68,7 +72,7 @@ def paint_sheet_and_desk(
         return colour * shade * (1 - ink())
 
     def sheet_on_desk() -> tf.Tensor:
-        distance_mm = distance_to_sheet_edge(paper, outline, *pixel_centres_to_sheet(view.to_px, size))
+        distance_mm = distance_to_sheet_edge(paper, outline, *view.pixel_centres_to_sheet(size))
         is_printed = tf.clip_by_value((distance_mm - paper.border_mm) * view.px_per_mm + 0.5, 0, 1)
         is_sheet = tf.clip_by_value(distance_mm * view.px_per_mm + 0.5, 0, 1)
         table = paint_desk(desk, desk_grain(desk, desk_grid, size), distance_mm)

@@ -7,7 +7,6 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis.colour import hsv_to_rgb
-from laesi_tf.synthesis.geometry import project_points
 from laesi_tf.synthesis.props.placement import (
     UNIT_SQUARE,
     PropContext,
@@ -49,7 +48,7 @@ def make_calibration_square(
             for direction in directions
         ]
     )
-    pixels = project_points(context.to_px, candidates)
+    pixels = context.view.to_photo(candidates)
     inside_px = tf.reduce_min(tf.minimum(pixels, context.image_wh - pixels), axis=[1, 2])
     points = tf.gather(candidates, tf.argmax(inside_px))
     red = hsv_to_rgb(square.calibration_hue, square.calibration_saturation) * square.calibration_value

@@ -7,12 +7,14 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.synthesis import rasterizer
-from laesi_tf.synthesis.geometry import ImageSize, polygon_edges, project_points, resample_polygon
+from laesi_tf.synthesis.geometry import ImageSize, polygon_edges, resample_polygon, subdivide_polygon
 from laesi_tf.synthesis.props.placement import PropContext, PropParams, PropShape
 from laesi_tf.synthesis.props.registry import PROPS
 from laesi_tf.synthesis.ranges import Scalar
 
 _WINDOW_STEP = 32
+_BEND_PIECES = 6
+"""Pieces of a shape's edge where lens or bend make it a curve."""
 
 
 class Window(NamedTuple):
@@ -99,7 +101,11 @@ def rasterise_prop(
 def _shape_edges(shape: PropShape, context: PropContext, max_side: int) -> tf.Tensor:
     """Return the edges [n, 2 ends, 2] of `shape` in pixels, short enough for the rasterizer."""
     count = math.ceil(shape.max_perimeter_mm * max_side / 70)
-    return polygon_edges(resample_polygon(project_points(context.to_px, shape.points), count))
+    points = shape.points
+    if context.view.distortion is not None:
+        # Straight edges bend in the photo.
+        points = subdivide_polygon(points, _BEND_PIECES)
+    return polygon_edges(resample_polygon(context.view.to_photo(points), count))
 
 
 def _window_around(low: tf.Tensor, high: tf.Tensor, image_wh: tf.Tensor) -> Window:

@@ -12,6 +12,7 @@ from typing import Generic, NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.synthesis.camera.view import CameraView
 from laesi_tf.synthesis.ranges import Value, interval
 
 SHAPE_NUMBERS = 80
@@ -38,12 +39,12 @@ class PropParams(Generic[Value]):
 class PropContext(NamedTuple):
     """What a prop is placed in.
 
-    The leaf's `outline` [n, 2] in sheet mm, the homography `to_px` [3, 3] from sheet mm to pixels, and the
-    image's width and height in pixels, `image_wh` [2].
+    The leaf's `outline` [n, 2] in sheet mm, the camera's `view` of it, and the image's width and height in
+    pixels, `image_wh` [2].
     """
 
     outline: tf.Tensor
-    to_px: tf.Tensor
+    view: CameraView
     image_wh: tf.Tensor
 
 

@@ -1,7 +1,7 @@
 """What differs between the tasks that a network is trained for."""
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ Metrics = Mapping[str, float]
 class Task(abc.ABC):
     """How to train a network, evaluate it and report on it, for one configuration.
 
-    The network is registered in `laesi_tf.models.saved_model.NETWORK_BUILDERS` under the name of the task.
+    The network is registered in `laesi_tf.models.saved_model` under the name of the task.
 
     A sample is a dict of tensors as `laesi_tf.data.synthetic` makes it. "Arrays" are what was computed for
     each image of a set, [N] by name.
@@ -38,12 +38,22 @@ class Task(abc.ABC):
     higher_is_better: ClassVar[bool]
     needs_masks: ClassVar[bool] = False
     """Whether photos without a mask are left out of a mixture."""
+    live_scenes_only: ClassVar[bool] = False
+    """Whether only live scenes, neither augmented nor with several lighting passes, have its targets."""
+    has_backbone: ClassVar[bool] = True
+    """Whether the network is a head on the MobileNetV3 that the configuration names."""
     metric_labels: ClassVar[Mapping[str, str]]
     """The metrics of `aggregate` with their names and units as a report shows them."""
 
     def __init__(self, config: "TrainConfig") -> None:
         self.config = config
         self.loss_name = self.losses[0] if config.loss == "auto" else config.loss
+
+    def renderer(self) -> "Callable[..., dict[str, tf.Tensor]]":
+        """Return the function that renders sample `index` of `seed`, with the arguments of `synthesise`."""
+        from laesi_tf.synthesis import synthesise
+
+        return synthesise
 
     @abc.abstractmethod
     def make_target(self, sample: "Mapping[str, tf.Tensor]") -> "tf.Tensor":
