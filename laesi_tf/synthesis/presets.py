@@ -4,6 +4,8 @@ import dataclasses
 from typing import Any
 
 from laesi_tf.synthesis.camera.params import CameraParams
+from laesi_tf.synthesis.light import LightParams
+from laesi_tf.synthesis.paper.desk import DESK_NAMES, DeskParams
 from laesi_tf.synthesis.paper.params import KIND_NAMES, PaperParams
 from laesi_tf.synthesis.ranges import Probability, choice, fields_of
 from laesi_tf.synthesis.scene import PARTS, Ranges
@@ -30,6 +32,17 @@ _KINDS = {
     "lines": 0.04,
     "plain": 0.06,
 }
+_DESKS = {
+    "mottled": 0.14,
+    "wood": 0.26,
+    "woven": 0.1,
+    "checked": 0.06,
+    "tiles": 0.08,
+    "text": 0.06,
+    "dark": 0.14,
+    "green": 0.08,
+    "white": 0.08,
+}
 PHONE = Ranges(
     paper=PaperParams(
         # White and cream paper; printed inks are not saturated.
@@ -37,7 +50,7 @@ PHONE = Ranges(
         saturation=(0.0, 0.1),
         brightness=(0.82, 1.0),
         ink_matches=Probability(0.04),
-        ink_saturation=(0.1, 0.7),
+        ink_saturation=(0.1, 0.75),
         ink_darkness=(0.1, 0.75),
         strength_1mm=(0.08, 0.9),
         strength_5mm=(0.05, 1.0),
@@ -45,17 +58,47 @@ PHONE = Ranges(
         width_5mm=(0.1, 0.5),
         width_10mm=(0.1, 0.6),
         ink_spread_mm=(0.03, 0.12),
+        edged=Probability(0.7),
+        left=(-4, 160),
+        right=(-4, 160),
+        top=(-4, 160),
+        bottom=(-4, 160),
+        border_mm=(-12, 14),
         kind=choice(*KIND_NAMES).with_weights(**_KINDS),
         dotted=Probability(0.08),
         dot_mm=(0.2, 0.7),
         spacing_mm=(1.5, 10.0),
+        cut=Probability(0.35),
+        cut_left=(-0.25, 0.25),
+        cut_right=(-0.25, 0.25),
+        cut_top=(-0.25, 0.25),
+        cut_bottom=(-0.25, 0.25),
+        scrap=Probability(0.4),
     ),
     camera=CameraParams(
+        fill=(0.1, 0.88),
+        closest_mm=30.0,
+        farthest_mm=600.0,
+        warmth=(-0.12, 0.12),
+        green=(-0.025, 0.03),
+        exposure=(0.5, 0.98),
+        contrast=(0.88, 1.15),
         distorted=Probability(0.5),
         bent=Probability(0.3),
         sharpened=Probability(0.4),
         resized=Probability(0.4),
         is_jpeg=Probability(0.75),
+    ),
+    light=LightParams(slope=(0.0, 0.3), vignette=(0.0, 0.2)),
+    desk=DeskParams(
+        grain=(0.03, 0.4),
+        kind=choice(*DESK_NAMES).with_weights(**_DESKS),
+        pitch_mm=(3.0, 24.0),
+        thread_mm=(0.5, 4.0),
+        board_mm=(12.0, 150.0),
+        tile_aspect=(1.0, 4.0),
+        joint_mm=(0.4, 6.0),
+        contrast=(0.15, 0.9),
     ),
 )
 PRESETS: dict[str, Ranges] = {"rendering_1": RENDERING_1, "rendering_2": RENDERING_2, "phone": PHONE}

@@ -66,7 +66,7 @@ def _toml_value(value: Any) -> str:
     return f"[{value[0]!r}, {value[1]!r}]" if isinstance(value, tuple) else repr(value)
 
 
-_RENDERABLE = {"closest_mm": (40.0, math.inf), "veins": (0.0, float(MAX_SECONDARY_VEINS))}
+_RENDERABLE = {"closest_mm": (30.0, math.inf), "veins": (0.0, float(MAX_SECONDARY_VEINS))}
 """What the renderer can draw: its polygons have a fixed number of edges, its leaves of veins."""
 
 

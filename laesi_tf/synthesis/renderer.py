@@ -30,7 +30,7 @@ from laesi_tf.synthesis.props.registry import SampledProp
 from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout
 
-_SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk")
+_SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk", "desk_kinds", "cut_sheet")
 _VIEW = ("lens", "bend")
 _LEAF = ("surface", "browned_margin", "spots", "veins", "undulation", "relief")
 _FILE = ("resizing", "jpeg")
@@ -127,7 +127,13 @@ def draw_props(image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageS
 
     def draw(prop: SampledProp, image: tf.Tensor) -> tf.Tensor:
         raster = kernels.rasterise_prop(
-            prop.name, prop.params, prop.largest, context, prop.numbers, round_up_side(size)
+            prop.name,
+            prop.params,
+            prop.largest,
+            context,
+            prop.numbers,
+            round_up_side(size),
+            scene.closest_mm,
         )
         return composite_prop(image, raster, size)
 
@@ -185,7 +191,9 @@ def _record(exposed: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor) -> tf.Tensor
         noise = imaging.cut_sensor_noise(scene.light_numbers.sensor, (image.shape[1], image.shape[2]))
     if "focus" in scene.components:
         image = tf.cond(
-            camera.blurred, lambda: kernels.apply_focus_blur(exposed, camera, px_per_mm), lambda: exposed
+            camera.blurred,
+            lambda: kernels.apply_focus_blur(exposed, camera, px_per_mm, scene.closest_mm),
+            lambda: exposed,
         )
 
     if "sharpening" in scene.components:
