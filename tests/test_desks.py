@@ -10,7 +10,7 @@ from scenes import RENDERING_2, middle
 from laesi_tf.synthesis.paper.desk import DESK_NAMES, GRAIN_NODES, DeskParams
 from laesi_tf.synthesis.paper.desk_kinds import DESK_COLOURS, desk_colour, desk_pattern
 from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.paper.sheet import distance_to_any_sheet_edge, distance_to_sheet_edge
+from laesi_tf.synthesis.paper.sheet import distance_to_any_sheet_edge, distance_to_sheet_edge, find_sheet
 from laesi_tf.synthesis.presets import PRESETS
 
 SIZE = (64, 96)
@@ -79,3 +79,12 @@ def test_cut_scraps_keep_their_margins_around_the_leaf(turn: float) -> None:
     ring = [tf.constant(30 * part, tf.float32) for part in (np.cos(angle), np.sin(angle))]
     distance = distance_to_any_sheet_edge(sheet, LEAF, *ring).numpy()
     assert distance.min() < -5 and distance.max() < 25
+
+
+def test_border_of_cut_sheets_is_cut_off() -> None:
+    """Printing ends where the ruling's labels say it does."""
+    place = tf.zeros([1]), tf.zeros([1])
+    for cut, border_mm in ((False, 7.0), (True, 0.0)):
+        sheet = middle(PaperParams(), cut=cut, border_mm=7.0)
+        assert float(find_sheet(sheet, LEAF, *place, ("cut_sheet",))[1]) == border_mm
+        assert float(find_sheet(sheet, LEAF, *place, ())[1]) == 7

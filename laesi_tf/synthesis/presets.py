@@ -4,9 +4,12 @@ import dataclasses
 from typing import Any
 
 from laesi_tf.synthesis.camera.params import CameraParams
+from laesi_tf.synthesis.leaf.params import LEAF_KINDS
+from laesi_tf.synthesis.leaf.surface import SurfaceParams
 from laesi_tf.synthesis.light import LightParams
 from laesi_tf.synthesis.paper.desk import DESK_NAMES, DeskParams
 from laesi_tf.synthesis.paper.params import KIND_NAMES, PaperParams
+from laesi_tf.synthesis.props.registry import PropsParams
 from laesi_tf.synthesis.ranges import Probability, choice, fields_of
 from laesi_tf.synthesis.scene import PARTS, Ranges
 
@@ -43,7 +46,60 @@ _DESKS = {
     "green": 0.08,
     "white": 0.08,
 }
+_CHANCES = {
+    "handwriting": 0.35,
+    "fragment": 0.1,
+    "label": 0.15,
+    "coin": 0.15,
+    "pen": 0.1,
+    "scribble": 0.15,
+    "note": 0.15,
+    "barcode": 0.1,
+    "clip": 0.08,
+    "ruler": 0.1,
+    "pencil": 0.1,
+    "finger": 0.08,
+    "tape": 0.1,
+    "pane": 0.1,
+}
+_PHONE_LEAVES = {
+    name: (
+        weight,
+        dataclasses.replace(
+            leaf,
+            length_mm=(22.0, 150.0),
+            petiole=(0.0, 0.45),
+            petiole_width_mm=(0.6, 2.4),
+            holed=Probability(0.25),
+        ),
+    )
+    for name, (weight, leaf) in LEAF_KINDS.items()
+}
+"""Smaller leaves, with petioles that are longer and thinner, and a kind that is narrow as grass."""
+_PHONE_LEAVES["linear"] = (
+    0.08,
+    dataclasses.replace(
+        _PHONE_LEAVES["lanceolate"][1],
+        length_mm=(40.0, 170.0),
+        aspect=(0.03, 0.1),
+        irregularity=(0.001, 0.003),
+        bend=(-0.9, 0.9),
+        petiole=(0.0, 0.1),
+        holed=Probability(0.0),
+    ),
+)
 PHONE = Ranges(
+    leaf=_PHONE_LEAVES,
+    surface=SurfaceParams(
+        season=(-0.5, 0.75),
+        vein_width_mm=(0.3, 1.6),
+        vein_contrast=(-0.15, 0.4),
+        undulation=(0.0, 2.0),
+        undulation_cells=(2.0, 8.0),
+        margin_browned=Probability(0.15),
+        margin_pale=Probability(0.06),
+    ),
+    props=PropsParams(**{name: Probability(chance) for name, chance in _CHANCES.items()}),
     paper=PaperParams(
         # White and cream paper; printed inks are not saturated.
         hue=(0.06, 0.2),
@@ -89,7 +145,17 @@ PHONE = Ranges(
         resized=Probability(0.4),
         is_jpeg=Probability(0.75),
     ),
-    light=LightParams(slope=(0.0, 0.3), vignette=(0.0, 0.2)),
+    light=LightParams(
+        # Blades that curl throw their shadow farther.
+        offset_mm=(0.0, 6.0),
+        slope=(0.0, 0.3),
+        vignette=(0.0, 0.2),
+        cast=Probability(0.25),
+        gloss=(0.0, 0.6),
+        glass=Probability(0.08),
+        photographer=Probability(0.25),
+        glare=Probability(0.1),
+    ),
     desk=DeskParams(
         grain=(0.03, 0.4),
         kind=choice(*DESK_NAMES).with_weights(**_DESKS),

@@ -39,7 +39,9 @@ def _toml_lines(ranges: Ranges) -> Iterator[str]:
     yield "# [low, high] is uniform between the two, {chance = p} true with probability p,"
     yield "# a single number always that number, {name = weight, ...} one of the names."
     yield "# Omitted keys are as in `base`."
-    yield 'base = "rendering_2"'
+    # The base has all kinds of leaf that the ranges have.
+    base = "rendering_2" if set(ranges.leaf) <= set(RENDERING_2.leaf) else "phone"
+    yield f'base = "{base}"'
     yield f"lighting_passes = {ranges.lighting_passes}"
     left_out = [f'"{name}"' for name in COMPONENTS if name in ranges.without]
     yield f"without = [{', '.join(left_out)}]"
@@ -47,7 +49,7 @@ def _toml_lines(ranges: Ranges) -> Iterator[str]:
         yield from _toml_table(name, fields_of(getattr(ranges, name)))
     for kind, (weight, leaf) in ranges.leaf.items():
         yield from _toml_table(f"leaf.{kind}", {"weight": weight, **fields_of(leaf)})
-    for kind in (kind for kind in RENDERING_2.leaf if kind not in ranges.leaf):
+    for kind in (kind for kind in PRESETS[base].leaf if kind not in ranges.leaf):
         yield from _toml_table(f"leaf.{kind}", {"weight": 0.0})
 
 

@@ -39,8 +39,12 @@ def apply_light_and_tone(
     size = image.shape[1], image.shape[2]
     if "illumination" in components:
         image *= lighting.illumination(light, illumination_grid, size)
+    if "photographer" in components:
+        image *= lighting.photographer_shadow(light, size)
     if "glass" in components:
         image = lighting.add_glass_reflection(image, lighting.glass_reflection(light, size))
+    if "glare" in components:
+        image = lighting.add_glass_reflection(image, lighting.glare_reflection(light, size))
     if "development" in components:
         image = apply_white_balance_and_tone(image, camera, sheet_colour(paper))
     return image

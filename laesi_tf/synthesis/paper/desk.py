@@ -41,9 +41,9 @@ class DeskParams(Generic[Value]):
     """Where in its kind's ranges the colour of a desk of any kind lies."""
     angle: Value = interval(-math.pi, math.pi)
     """Direction of its pattern relative to the ruling, radians."""
-    pitch_mm: Value = constant(8.0)
+    pitch_mm: Value = constant(9.0)
     """Period of the widest grain of wood and of checked cloth; rows of print: 1.8 mm and a quarter of it."""
-    thread_mm: Value = constant(1.0)
+    thread_mm: Value = constant(1.2)
     board_mm: Value = constant(90.0)
     """Width of boards and tiles."""
     tile_aspect: Value = constant(1.0)

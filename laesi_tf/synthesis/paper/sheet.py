@@ -75,11 +75,7 @@ def paint_sheet_and_desk(
 
     def sheet_on_desk() -> tf.Tensor:
         place = view.pixel_centres_to_sheet(size)
-        if "cut_sheet" in components:
-            distance_mm = distance_to_any_sheet_edge(paper, outline, *place)
-            border_mm = tf.where(paper.cut, 0.0, paper.border_mm)
-        else:
-            distance_mm, border_mm = distance_to_sheet_edge(paper, outline, *place), paper.border_mm
+        distance_mm, border_mm = find_sheet(paper, outline, *place, components)
         is_printed = tf.clip_by_value((distance_mm - border_mm) * view.px_per_mm + 0.5, 0, 1)
         is_sheet = tf.clip_by_value(distance_mm * view.px_per_mm + 0.5, 0, 1)
         if "desk_kinds" in components:
@@ -92,6 +88,23 @@ def paint_sheet_and_desk(
     return (
         tf.cond(paper.edged, sheet_on_desk, sheet_everywhere) if "desk" in components else sheet_everywhere()
     )
+
+
+def find_sheet(
+    paper: PaperParams[Scalar],
+    outline: tf.Tensor,
+    x_mm: tf.Tensor,
+    y_mm: tf.Tensor,
+    components: tuple[str, ...],
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the distance [H, W] in mm to the edge of an `edged` sheet, and its unprinted border in mm, [].
+
+    Arguments are those of `distance_to_sheet_edge`; distances are negative off the sheet.
+    """
+    if "cut_sheet" not in components:
+        return distance_to_sheet_edge(paper, outline, x_mm, y_mm), paper.border_mm
+    border_mm = tf.where(paper.cut, 0.0, paper.border_mm)
+    return distance_to_any_sheet_edge(paper, outline, x_mm, y_mm), border_mm
 
 
 def paper_noise(
