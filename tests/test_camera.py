@@ -119,7 +119,7 @@ def test_blur_equals_opencv(sigma: float) -> None:
 def test_focus_blurs_by_millimetres() -> None:
     image = tf.constant(random_image(size=(224, 224)))
     soft = imaging.apply_focus_blur(
-        image, middle(CameraParams(), blurred=True, blur_mm=0.1), tf.constant(3.5)
+        image, middle(CameraParams(), blurred=True, blur_mm=0.1), tf.constant(3.5), 70.0
     )
     np.testing.assert_allclose(soft, imaging.gaussian_blur(image, tf.constant(0.35), 4), atol=1e-3)
 
@@ -128,7 +128,7 @@ def test_widest_blur_fits_its_taps() -> None:
     # At the closest view the widest blur is 0.25 mm * 224 / 70 px = 0.8 px.
     image = tf.constant(random_image(size=(224, 224)))
     widest = imaging.apply_focus_blur(
-        image, middle(CameraParams(), blurred=True, blur_mm=0.25), tf.constant(224 / 70)
+        image, middle(CameraParams(), blurred=True, blur_mm=0.25), tf.constant(224 / 70), 70.0
     )
     np.testing.assert_allclose(widest, imaging.gaussian_blur(image, tf.constant(0.8), 8), atol=0.06)
 

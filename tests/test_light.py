@@ -140,3 +140,31 @@ def test_light_is_measured_from_the_image_centre_to_its_borders(size: tuple[int,
     rows, columns = (np.indices(size) + 0.5 - np.array(size).reshape(2, 1, 1) / 2) / max(size)
     expected = 1 + 0.4 * math.sqrt(0.5) * (rows + columns)
     np.testing.assert_allclose(field, expected, atol=2e-4)
+
+
+def test_the_photographers_shadow_is_a_rectangle_of_its_strength() -> None:
+    given = {
+        "photographer_strength": 0.4,
+        "photographer_x": 0.0,
+        "photographer_y": 0.2,
+        "photographer_angle": 0.0,
+    }
+    sizes = {"photographer_width": 0.1, "photographer_length": 0.2, "photographer_softness": 0.01}
+    there, not_there = (
+        light.photographer_shadow(
+            middle(LightParams(), photographer=is_there, **given, **sizes), (200, 200)
+        ).numpy()
+        for is_there in (True, False)
+    )
+    assert (not_there == 1).all()
+    assert there[140, 100] == pytest.approx(0.6, abs=0.01) and there[60, 100] == pytest.approx(1, abs=0.01)
+    # Half of the light is lost where the rectangle ends: 0.2 wide and 0.4 long.
+    assert np.mean(there < 0.8) == pytest.approx(0.08, abs=0.015)
+
+
+def test_glare_is_brightest_in_its_middle() -> None:
+    spot = middle(LightParams(), glare=True, glare_strength=0.5, glare_x=0.25, glare_y=-0.1, glare_size=0.1)
+    made = light.glare_reflection(spot, (120, 160)).numpy()
+    row, column = np.unravel_index(made.argmax(), made.shape)
+    assert abs(row - 44) <= 3 and abs(column - 120) <= 3
+    assert made.max() == pytest.approx(0.5, abs=0.03) and made.min() >= -0.01

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tensorflow as tf
-from scenes import changed, complete, filled, middle
+from scenes import RENDERING_2, changed, complete, filled, middle
 
 from laesi_tf.synthesis import load_ranges, sample_scene
 from laesi_tf.synthesis.props.handwriting import HandwritingParams, handwriting_stroke
@@ -20,7 +20,7 @@ from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout, leaf_edges
 
 SIZE = (160, 160)
-RANGES = complete()
+RANGES = complete(changed(RENDERING_2, "props", **dict.fromkeys(PROPS, Probability(0.5))))
 BRIGHT = tf.fill([3, *SIZE], 2.0)
 """An image brighter than any prop, on which every prop is visible."""
 
@@ -36,11 +36,12 @@ def lay_out(index: int) -> tuple[Scene, SceneLayout, np.ndarray]:
 
 def draw(name: str, scene: Scene, layout: SceneLayout) -> np.ndarray:
     """Return the image [3, H, W] of one prop."""
-    alone = dataclasses.replace(scene, props={name: scene.props[name]})
-    return draw_props(BRIGHT, alone, layout, SIZE).numpy()
+    return draw_props(
+        BRIGHT, scene_of(scene, name), layout, SIZE, covers_leaf=PROPS[name].covers_leaf
+    ).numpy()
 
 
-@pytest.mark.parametrize("name", PROPS)
+@pytest.mark.parametrize("name", [name for name, prop in PROPS.items() if not prop.covers_leaf])
 def test_prop_is_seen_and_never_covers_the_leaf(name: str) -> None:
     covered = []
     for index in range(8):
@@ -51,6 +52,25 @@ def test_prop_is_seen_and_never_covers_the_leaf(name: str) -> None:
         assert np.isfinite(image).all() and image.min() >= -1e-4
         covered.append(is_changed.sum())
     assert max(covered) > 20
+
+
+@pytest.mark.parametrize("name", [name for name, prop in PROPS.items() if prop.covers_leaf])
+def test_the_leaf_is_seen_through_what_covers_it(name: str) -> None:
+    covered = []
+    for index in range(4):
+        scene, layout, leaf = lay_out(index)
+        image = draw(name, scene, layout)
+        assert np.isfinite(image).all()
+        # Edges of glass are darker than the pane but thin.
+        assert np.quantile(image[:, leaf], 0.1) > 2 - 0.35 * 2
+        covered.append((np.abs(image[:, leaf] - 2) > 1e-4).mean())
+        np.testing.assert_array_equal(draw_props(BRIGHT, scene_of(scene, name), layout, SIZE), BRIGHT)
+    assert max(covered) > 0.02
+
+
+def scene_of(scene: Scene, name: str) -> Scene:
+    """Return the scene with prop `name` only."""
+    return dataclasses.replace(scene, props={name: scene.props[name]})
 
 
 def test_without_props_nothing_is_drawn() -> None:

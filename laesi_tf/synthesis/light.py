@@ -50,6 +50,24 @@ class LightParams(Generic[Value]):
     glass_offset: Value = interval(-0.4, 0.4)
     glass_width: Value = interval(0.06, 0.35)
     glass_veil: Value = interval(0.0, 0.1)
+    photographer: Value = probability(0.0)
+    """The phone, and perhaps its holder's arm, shades a rectangle."""
+    photographer_strength: Value = interval(0.1, 0.5)
+    photographer_x: Value = interval(-0.5, 0.5)
+    photographer_y: Value = interval(-0.5, 0.5)
+    photographer_width: Value = interval(0.08, 0.3)
+    """Half the width of the shadow; lengths are in units of the image's longer side."""
+    photographer_length: Value = interval(0.15, 0.7)
+    photographer_angle: Value = interval(-math.pi, math.pi)
+    photographer_softness: Value = interval(0.008, 0.06)
+    glare: Value = probability(0.0)
+    """A lamp or window mirrored by glossy paper or plastic: a bright soft spot."""
+    glare_strength: Value = interval(0.15, 0.8)
+    glare_x: Value = interval(-0.5, 0.5)
+    glare_y: Value = interval(-0.5, 0.5)
+    glare_size: Value = interval(0.04, 0.25)
+    glare_aspect: Value = interval(1.0, 3.0)
+    glare_angle: Value = interval(-math.pi, math.pi)
 
 
 def light_direction(light: LightParams[Scalar]) -> tf.Tensor:
@@ -133,3 +151,38 @@ def glass_reflection(light: LightParams[Scalar], size: ImageSize) -> tf.Tensor:
 def add_glass_reflection(image: tf.Tensor, reflection: tf.Tensor) -> tf.Tensor:
     """Lift the shadows of [3, H, W] by what a pane of glass in front of it reflects [H, W]."""
     return image + reflection * (0.97 - image)
+
+
+def photographer_shadow(light: LightParams[Scalar], size: ImageSize) -> tf.Tensor:
+    """Return the relative illumination [H, W] in the photographer's shadow: a rectangle with soft edges."""
+
+    def shade() -> tf.Tensor:
+        across, along = _turned_coordinates(
+            light.photographer_x, light.photographer_y, light.photographer_angle, size
+        )
+        inside = tf.sigmoid((light.photographer_width - tf.abs(across)) / light.photographer_softness)
+        inside *= tf.sigmoid((light.photographer_length - tf.abs(along)) / light.photographer_softness)
+        return 1 - light.photographer_strength * noise.interpolate_grid(inside, size).values
+
+    return tf.cond(light.photographer, shade, lambda: tf.ones(size))
+
+
+def glare_reflection(light: LightParams[Scalar], size: ImageSize) -> tf.Tensor:
+    """Return the share [H, W] of white that a mirrored lamp adds: an elongated Gaussian spot."""
+
+    def reflect() -> tf.Tensor:
+        across, along = _turned_coordinates(light.glare_x, light.glare_y, light.glare_angle, size)
+        square = across * across + (along / light.glare_aspect) ** 2
+        spot = tf.exp(-square / (2 * light.glare_size * light.glare_size))
+        return light.glare_strength * noise.interpolate_grid(spot, size).values
+
+    return tf.cond(light.glare, reflect, lambda: tf.zeros(size))
+
+
+def _turned_coordinates(
+    x0: tf.Tensor, y0: tf.Tensor, angle: tf.Tensor, size: ImageSize
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the coordinates [n, n] of a grid's nodes about (`x0`, `y0`), turned by `angle`."""
+    x, y = centred_coordinates(2 * GRID_NODES, size)
+    cosine, sine = tf.cos(angle), tf.sin(angle)
+    return (x - x0) * cosine + (y - y0) * sine, (y - y0) * cosine - (x - x0) * sine

@@ -34,6 +34,18 @@ class Stream(enum.IntEnum):
     PEN_SHAPE = 17
     CALIBRATION = 18
     CALIBRATION_SHAPE = 19
+    PENCIL = 20
+    PENCIL_SHAPE = 21
+    RULER = 22
+    RULER_SHAPE = 23
+    CLIP = 24
+    CLIP_SHAPE = 25
+    NOTE = 26
+    NOTE_SHAPE = 27
+    BARCODE = 28
+    BARCODE_SHAPE = 29
+    FINGER = 30
+    FINGER_SHAPE = 31
     # Numbers of shapes and noise fields.
     OUTLINE = 32
     BITES = 33
@@ -50,6 +62,14 @@ class Stream(enum.IntEnum):
     DESK_GRAIN = 44
     ILLUMINATION = 45
     SENSOR = 46
+    # More props.
+    TAPE = 48
+    TAPE_SHAPE = 49
+    SCRIBBLE = 50
+    SCRIBBLE_SHAPE = 51
+    PANE = 52
+    PANE_SHAPE = 53
+    # The part of a photo that the ruling network is trained on.
     CROP = 60
 
 

@@ -157,3 +157,8 @@ def largest_params(ranges: Any) -> Any:
     return dataclasses.replace(
         ranges, **{name: float(_interval(range_)[1]) for name, range_ in fields_of(ranges).items()}
     )
+
+
+def smallest(range_: Range) -> float:
+    """Return the lower end of a range."""
+    return float(_interval(range_)[0])

@@ -39,7 +39,9 @@ def _toml_lines(ranges: Ranges) -> Iterator[str]:
     yield "# [low, high] is uniform between the two, {chance = p} true with probability p,"
     yield "# a single number always that number, {name = weight, ...} one of the names."
     yield "# Omitted keys are as in `base`."
-    yield 'base = "rendering_2"'
+    # The base has all kinds of leaf that the ranges have.
+    base = "rendering_2" if set(ranges.leaf) <= set(RENDERING_2.leaf) else "phone"
+    yield f'base = "{base}"'
     yield f"lighting_passes = {ranges.lighting_passes}"
     left_out = [f'"{name}"' for name in COMPONENTS if name in ranges.without]
     yield f"without = [{', '.join(left_out)}]"
@@ -47,7 +49,7 @@ def _toml_lines(ranges: Ranges) -> Iterator[str]:
         yield from _toml_table(name, fields_of(getattr(ranges, name)))
     for kind, (weight, leaf) in ranges.leaf.items():
         yield from _toml_table(f"leaf.{kind}", {"weight": weight, **fields_of(leaf)})
-    for kind in (kind for kind in RENDERING_2.leaf if kind not in ranges.leaf):
+    for kind in (kind for kind in PRESETS[base].leaf if kind not in ranges.leaf):
         yield from _toml_table(f"leaf.{kind}", {"weight": 0.0})
 
 
@@ -66,7 +68,7 @@ def _toml_value(value: Any) -> str:
     return f"[{value[0]!r}, {value[1]!r}]" if isinstance(value, tuple) else repr(value)
 
 
-_RENDERABLE = {"closest_mm": (40.0, math.inf), "veins": (0.0, float(MAX_SECONDARY_VEINS))}
+_RENDERABLE = {"closest_mm": (30.0, math.inf), "veins": (0.0, float(MAX_SECONDARY_VEINS))}
 """What the renderer can draw: its polygons have a fixed number of edges, its leaves of veins."""
 
 

@@ -4,7 +4,8 @@
 2. Sheet: noise, crease, ruling; the desk around it.
 3. Props, from flat to high.
 4. The leaf's shadow; the leaf: colour, browned edge, spots, veins, undulation and relief; its mask.
-5. Light and tone: illumination, reflection of glass, white balance, exposure, contrast, saturation.
+5. Clear props over the leaf. Light and tone: illumination, the photographer's shadow, glare, reflection of
+   glass, white balance, exposure, contrast, saturation.
 6. Camera: focus blur, sensor noise, sharpening, chroma at half the resolution, 8 bits.
 7. File: resizing and JPEG.
 
@@ -26,15 +27,15 @@ from laesi_tf.synthesis.leaf.painting import LeafInputs
 from laesi_tf.synthesis.leaf.surface import cut_leaf_texture
 from laesi_tf.synthesis.props.drawing import composite_prop, round_up_side
 from laesi_tf.synthesis.props.placement import PropContext
-from laesi_tf.synthesis.props.registry import SampledProp
+from laesi_tf.synthesis.props.registry import PROPS, SampledProp
 from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout
 
-_SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk")
+_SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk", "desk_kinds", "cut_sheet")
 _VIEW = ("lens", "bend")
-_LEAF = ("surface", "browned_margin", "spots", "veins", "undulation", "relief")
+_LEAF = ("surface", "browned_margin", "pale_margin", "spots", "veins", "undulation", "relief")
 _FILE = ("resizing", "jpeg")
-_LIGHT = ("illumination", "glass", "development")
+_LIGHT = ("illumination", "photographer", "glass", "glare", "development")
 
 
 class SharedLayers(NamedTuple):
@@ -129,17 +130,26 @@ def _paint_sheet(scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tenso
     )
 
 
-def draw_props(image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize) -> tf.Tensor:
-    """Draw the props that the scene has over [3, H, W], from flat to high."""
+def draw_props(
+    image: tf.Tensor, scene: Scene, layout: SceneLayout, size: ImageSize, *, covers_leaf: bool = False
+) -> tf.Tensor:
+    """Draw the props that the scene has over [3, H, W], from flat to high: beside the leaf or covering it."""
     context = PropContext(layout.outline, layout.view, tf.constant(size[::-1], tf.float32))
 
     def draw(prop: SampledProp, image: tf.Tensor) -> tf.Tensor:
         raster = kernels.rasterise_prop(
-            prop.name, prop.params, prop.largest, context, prop.numbers, round_up_side(size)
+            prop.name,
+            prop.params,
+            prop.largest,
+            context,
+            prop.numbers,
+            round_up_side(size),
+            scene.closest_mm,
         )
         return composite_prop(image, raster, size)
 
-    for prop in scene.props.values():
+    props = [prop for prop in scene.props.values() if PROPS[prop.name].covers_leaf == covers_leaf]
+    for prop in props:
         image = tf.cond(
             prop.is_present,
             lambda image=image, prop=prop: draw(prop, image),
@@ -153,7 +163,13 @@ def _prepare_leaf(
 ) -> LeafInputs:
     """Rasterise the edges of the leaf and its veins, and cut its texture."""
     outline_edges, vein_edges = kernels.leaf_contributions(
-        layout, scene.leaf, scene.surface, scene.numbers.turtles, size, _enabled(scene, "veins")
+        layout,
+        scene.leaf,
+        scene.surface,
+        scene.numbers.turtles,
+        size,
+        _enabled(scene, "veins"),
+        scene.closest_mm,
     )
     return LeafInputs(
         outline_sums=rasterizer.sum_contributions(outline_edges, size),
@@ -166,9 +182,9 @@ def _prepare_leaf(
 def _finish_sample(
     image: tf.Tensor, mask: tf.Tensor, scene: Scene, layout: SceneLayout
 ) -> dict[str, tf.Tensor]:
-    """Apply light, tone and camera; returns what `render_scene` returns."""
+    """Draw what covers the leaf, apply light, tone and camera; returns what `render_scene` returns."""
     exposed = kernels.apply_light_and_tone(
-        image,
+        draw_props(image, scene, layout, (image.shape[1], image.shape[2]), covers_leaf=True),
         scene.light,
         scene.light_numbers.illumination,
         scene.camera,
@@ -193,7 +209,9 @@ def _record(exposed: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor) -> tf.Tensor
         noise = imaging.cut_sensor_noise(scene.light_numbers.sensor, (image.shape[1], image.shape[2]))
     if "focus" in scene.components:
         image = tf.cond(
-            camera.blurred, lambda: kernels.apply_focus_blur(exposed, camera, px_per_mm), lambda: exposed
+            camera.blurred,
+            lambda: kernels.apply_focus_blur(exposed, camera, px_per_mm, scene.closest_mm),
+            lambda: exposed,
         )
 
     if "sharpening" in scene.components:

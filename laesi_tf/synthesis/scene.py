@@ -24,6 +24,7 @@ from laesi_tf.synthesis.ranges import (
     fields_of,
     sample_params,
     sample_params_of_kind,
+    smallest,
 )
 from laesi_tf.synthesis.scene_numbers import (
     LightNumbers,
@@ -40,16 +41,22 @@ COMPONENTS = (
     "ruling",
     "paper_kinds",
     "desk",
-    *PROPS,
+    "desk_kinds",
+    "cut_sheet",
+    *(name for name, prop in PROPS.items() if not prop.covers_leaf),
     "shadow",
     "surface",
     "browned_margin",
+    "pale_margin",
     "spots",
     "veins",
     "undulation",
     "relief",
+    *(name for name, prop in PROPS.items() if prop.covers_leaf),
     "illumination",
+    "photographer",
     "glass",
+    "glare",
     "development",
     "focus",
     "sensor_noise",
@@ -63,6 +70,11 @@ COMPONENTS = (
 
 _SWITCHES = {
     "paper_kinds": ("paper", ("kind", "dotted")),
+    "desk_kinds": ("desk", ("kind",)),
+    "pale_margin": ("surface", ("margin_pale",)),
+    "photographer": ("light", ("photographer",)),
+    "glare": ("light", ("glare",)),
+    "cut_sheet": ("paper", ("cut", "scrap")),
     "lens": ("camera", ("distorted",)),
     "bend": ("camera", ("bent",)),
     "sharpening": ("camera", ("sharpened",)),
@@ -148,6 +160,8 @@ class Scene:
     numbers: SceneNumbers
     light_numbers: LightNumbers
     """Those of light and sensor: lighting passes over one leaf differ in `light` and in these."""
+    closest_mm: float
+    """Width of the closest view of these ranges: shapes need as many edges as it has pixels."""
 
     @property
     def finest_mm(self) -> tf.Tensor:
@@ -192,6 +206,7 @@ def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) 
         light=light,
         numbers=numbers,
         light_numbers=light_numbers,
+        closest_mm=smallest(ranges.camera.closest_mm),
     )
 
 

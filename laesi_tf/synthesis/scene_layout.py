@@ -23,6 +23,9 @@ from laesi_tf.synthesis.leaf.veins import vein_edges
 from laesi_tf.synthesis.ranges import Scalar
 from laesi_tf.synthesis.rasterizer import EdgeContributions, edge_contributions
 
+WHOLE_LEAF_MM = 30.0
+"""Width of the closest view that shows a whole leaf."""
+
 
 class LeafPose(NamedTuple):
     """Rotation [2, 2] and translation [2] from leaf coordinates to sheet coordinates, mm."""
@@ -86,24 +89,35 @@ def leaf_contributions(
     turtle_noise: tf.Tensor,
     size: ImageSize,
     components: tuple[str, ...],
+    closest_mm: float,
 ) -> tuple[EdgeContributions, EdgeContributions | None]:
     """Return what the edges of the leaf, and those of its veins, contribute to the image's cells.
 
-    `turtle_noise` are the normal numbers of `vein_edges`. The second is None without veins.
+    `turtle_noise` are the normal numbers of `vein_edges`, `closest_mm` is the width of the closest view. The
+    second is None without veins.
     """
-    of_outline = edge_contributions(leaf_edges(layout, size), size)
+    of_outline = edge_contributions(leaf_edges(layout, size, closest_mm), size)
     if "veins" not in components:
         return of_outline, None
     outlines = vein_edges(leaf, turtle_noise, surface.vein_jitter, surface.vein_width_mm)
     projected = layout.view.to_photo(layout.pose.apply(outlines))
-    pieces = math.ceil(max(size) / 40)
+    pieces = math.ceil(max(size) / 40 * _magnification(closest_mm))
     return of_outline, edge_contributions(subdivide_edges(projected, pieces), size)
 
 
-def leaf_edges(layout: SceneLayout, size: ImageSize) -> tf.Tensor:
-    """Return the edges [n, 2 ends, 2] of the leaf and its holes in pixels."""
-    pieces = math.ceil(max(size) / 256)
+def leaf_edges(layout: SceneLayout, size: ImageSize, closest_mm: float = WHOLE_LEAF_MM) -> tf.Tensor:
+    """Return the edges [n, 2 ends, 2] of the leaf and its holes in pixels.
+
+    `closest_mm` is the width of the closest view, which shows a part of the leaf only if it is below that of
+    whole leaves.
+    """
+    pieces = math.ceil(max(size) / 256 * _magnification(closest_mm))
     loops = [
         subdivide_polygon(layout.view.to_photo(points), pieces) for points in (layout.outline, layout.holes)
     ]
     return tf.concat([tf.reshape(polygon_edges(points), [-1, 2, 2]) for points in loops], axis=0)
+
+
+def _magnification(closest_mm: float) -> float:
+    """Return how much closer a view may be than those of whole leaves, at least 1."""
+    return max(1.0, WHOLE_LEAF_MM / closest_mm)

@@ -39,8 +39,12 @@ def apply_light_and_tone(
     size = image.shape[1], image.shape[2]
     if "illumination" in components:
         image *= lighting.illumination(light, illumination_grid, size)
+    if "photographer" in components:
+        image *= lighting.photographer_shadow(light, size)
     if "glass" in components:
         image = lighting.add_glass_reflection(image, lighting.glass_reflection(light, size))
+    if "glare" in components:
+        image = lighting.add_glass_reflection(image, lighting.glare_reflection(light, size))
     if "development" in components:
         image = apply_white_balance_and_tone(image, camera, sheet_colour(paper))
     return image
@@ -79,9 +83,11 @@ def _sensor_noise_bank(side: int) -> np.ndarray:
     return 0.85 * normal[:1] + 0.53 * normal[1:]
 
 
-def apply_focus_blur(image: tf.Tensor, camera: CameraParams[Scalar], px_per_mm: tf.Tensor) -> tf.Tensor:
-    """Blur [3, H, W] by the camera's defocus."""
-    reach = math.ceil(1.25 * _MAX_BLUR_MM * max(image.shape[1:]) / 70)
+def apply_focus_blur(
+    image: tf.Tensor, camera: CameraParams[Scalar], px_per_mm: tf.Tensor, closest_mm: float
+) -> tf.Tensor:
+    """Blur [3, H, W] by the camera's defocus; `closest_mm` is the width of the closest view."""
+    reach = math.ceil(1.25 * _MAX_BLUR_MM * max(image.shape[1:]) / closest_mm)
     return gaussian_blur(image, camera.blur_mm * px_per_mm, reach)
 
 

@@ -31,6 +31,7 @@ PALETTE = np.array(
     np.float32,
 )
 """Fresh green to autumn brown, sRGB."""
+_CREAM = np.array([0.88, 0.86, 0.66], np.float32)
 BLEND_NODES = 16
 FINE_NODES = 60
 
@@ -67,6 +68,11 @@ class SurfaceParams(Generic[Value]):
     spot_season: Value = interval(0.55, 1.0)
     texture_share: Value = interval(0.4, 1.0)
     """Share of a photo texture in C1, if textures are given."""
+    margin_pale: Value = probability(0.0)
+    """The leaf is variegated: its margin is cream."""
+    pale_depth: Value = interval(0.4, 0.95)
+    pale_mm: Value = interval(0.8, 3.5)
+    """Standard deviation of the blur that tells margin from blade."""
 
 
 class SurfaceNoiseGrids(NamedTuple):
@@ -109,6 +115,14 @@ def leaf_colour(
             lambda: tf.ones_like(coverage),
         )
         colour = apply_browned_edge(colour, surface, inwardness)
+    if "pale_margin" in components:
+        colour = tf.cond(
+            surface.margin_pale,
+            lambda: apply_pale_margin(
+                colour, surface, blur_and_shift(coverage, size, surface.pale_mm * px_per_mm).values
+            ),
+            lambda: colour,
+        )
     if "spots" in components:
         colour = apply_spots(colour, surface, spot_coverage(surface, grids.spots, size))
     return colour if veins is None else apply_vein_colour(colour, surface, veins)
@@ -162,6 +176,12 @@ def apply_browned_edge(colour: tf.Tensor, surface: SurfaceParams[Scalar], inward
     """
     edge = tf.clip_by_value(2 - 2 * inwardness, 0, 1)
     return colour + surface.margin_depth * edge * edge * (season_colour(tf.constant(0.8)) - colour)
+
+
+def apply_pale_margin(colour: tf.Tensor, surface: SurfaceParams[Scalar], inwardness: tf.Tensor) -> tf.Tensor:
+    """Bleach [3, H, W] towards the leaf's edge; `inwardness` [H, W] as in `apply_browned_edge`."""
+    edge = tf.clip_by_value((0.85 - inwardness) * 8, 0, 1)
+    return colour + surface.pale_depth * edge * (tf.constant(_CREAM)[:, None, None] - colour)
 
 
 def spot_coverage(surface: SurfaceParams[Scalar], values: tf.Tensor, size: ImageSize) -> tf.Tensor:

@@ -85,3 +85,14 @@ class PaperParams(Generic[Value]):
     """Side of a dot, at most 0.4 of the pitch."""
     spacing_mm: Value = constant(8.0)
     """Distance of the lines of paper of kind `lines`."""
+    cut: Value = probability(0.0)
+    """The sheet's sides are cut at angles to the ruling; printing reaches them."""
+    cut_left: Value = interval(-0.4, 0.4)
+    cut_right: Value = interval(-0.4, 0.4)
+    cut_top: Value = interval(-0.4, 0.4)
+    cut_bottom: Value = interval(-0.4, 0.4)
+    cut_turn: Value = interval(-math.pi, math.pi)
+    """Angle of all sides to the ruling, to which those of single sides are added."""
+    scrap: Value = probability(0.0)
+    """The sheet is a scrap: `scrap_share` of each distance from the leaf to a side is left."""
+    scrap_share: Value = interval(0.05, 0.3)

@@ -1,5 +1,6 @@
 """The sheet and the desk: colour, noise and wear, crease, ruling and edges (paper, section 3.1)."""
 
+import math
 from typing import NamedTuple
 
 import tensorflow as tf
@@ -9,7 +10,8 @@ from laesi_tf.synthesis.camera.view import CameraView
 from laesi_tf.synthesis.colour import hsv_to_rgb
 from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.paper import ruling
-from laesi_tf.synthesis.paper.desk import DeskParams, desk_grain, paint_desk
+from laesi_tf.synthesis.paper.desk import DeskParams, desk_grain, paint_desk, shade_beside_sheet
+from laesi_tf.synthesis.paper.desk_kinds import desk_colour, desk_pattern
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.ranges import Scalar
 
@@ -72,15 +74,37 @@ def paint_sheet_and_desk(
         return colour * shade * (1 - ink())
 
     def sheet_on_desk() -> tf.Tensor:
-        distance_mm = distance_to_sheet_edge(paper, outline, *view.pixel_centres_to_sheet(size))
-        is_printed = tf.clip_by_value((distance_mm - paper.border_mm) * view.px_per_mm + 0.5, 0, 1)
+        place = view.pixel_centres_to_sheet(size)
+        distance_mm, border_mm = find_sheet(paper, outline, *place, components)
+        is_printed = tf.clip_by_value((distance_mm - border_mm) * view.px_per_mm + 0.5, 0, 1)
         is_sheet = tf.clip_by_value(distance_mm * view.px_per_mm + 0.5, 0, 1)
-        table = paint_desk(desk, desk_grain(desk, desk_grid, size), distance_mm)
+        if "desk_kinds" in components:
+            pattern = desk_pattern(desk, desk_grid, *place, view.px_per_mm, size)
+            table = desk_colour(desk) * (pattern * shade_beside_sheet(desk, distance_mm))
+        else:
+            table = paint_desk(desk, desk_grain(desk, desk_grid, size), distance_mm)
         return table + is_sheet * (colour * shade * (1 - is_printed * ink()) - table)
 
     return (
         tf.cond(paper.edged, sheet_on_desk, sheet_everywhere) if "desk" in components else sheet_everywhere()
     )
+
+
+def find_sheet(
+    paper: PaperParams[Scalar],
+    outline: tf.Tensor,
+    x_mm: tf.Tensor,
+    y_mm: tf.Tensor,
+    components: tuple[str, ...],
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the distance [H, W] in mm to the edge of an `edged` sheet, and its unprinted border in mm, [].
+
+    Arguments are those of `distance_to_sheet_edge`; distances are negative off the sheet.
+    """
+    if "cut_sheet" not in components:
+        return distance_to_sheet_edge(paper, outline, x_mm, y_mm), paper.border_mm
+    border_mm = tf.where(paper.cut, 0.0, paper.border_mm)
+    return distance_to_any_sheet_edge(paper, outline, x_mm, y_mm), border_mm
 
 
 def paper_noise(
@@ -123,3 +147,19 @@ def distance_to_sheet_edge(
     high = tf.reduce_max(outline, axis=0) + tf.stack([paper.right, paper.bottom])
     middle, half = (low + high) / 2, (high - low) / 2
     return tf.minimum(half[0] - tf.abs(x_mm - middle[0]), half[1] - tf.abs(y_mm - middle[1]))
+
+
+def distance_to_any_sheet_edge(
+    paper: PaperParams[Scalar], outline: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor
+) -> tf.Tensor:
+    """Return the same as `distance_to_sheet_edge` for a sheet that may be cut to any quadrilateral."""
+    angles = tf.stack([paper.cut_left, paper.cut_right, paper.cut_top, paper.cut_bottom]) + paper.cut_turn
+    angles = angles * tf.cast(paper.cut, tf.float32) + tf.constant([1.0, 0.0, 1.5, 0.5]) * math.pi
+    outward = tf.stack([tf.cos(angles), tf.sin(angles)], axis=-1)
+    margins = tf.stack([paper.left, paper.right, paper.top, paper.bottom])
+    margins *= tf.where(paper.scrap, paper.scrap_share, 1.0)
+    reach = tf.reduce_max(tf.linalg.matmul(outward, outline, transpose_b=True), axis=1) + margins
+    (left, right, top, bottom) = (
+        reach[side] - outward[side, 0] * x_mm - outward[side, 1] * y_mm for side in range(4)
+    )
+    return tf.minimum(tf.minimum(left, right), tf.minimum(top, bottom))

@@ -15,6 +15,8 @@ from laesi_tf.synthesis.ranges import Scalar
 _WINDOW_STEP = 32
 _BEND_PIECES = 6
 """Pieces of a shape's edge where lens or bend make it a curve."""
+_MANY_POINTS = 64
+"""A shape of so many points has edges that are short already."""
 
 
 class Window(NamedTuple):
@@ -74,14 +76,15 @@ def rasterise_prop(
     context: PropContext,
     numbers: tf.Tensor,
     max_side: int,
+    closest_mm: float,
 ) -> PropRaster:
     """Place prop `name` and compute the contributions of its edges.
 
     `largest` are the upper ends of the parameters' ranges, `numbers` [n] are uniform in [0, 1), `max_side`
-    bounds the image's sides in pixels.
+    bounds the image's sides in pixels, and `closest_mm` from below what they show of the sheet.
     """
     shapes = PROPS[name].make(params, largest, context, numbers)
-    edges = [_shape_edges(shape, context, max_side) for shape in shapes]
+    edges = [_shape_edges(shape, context, max_side / closest_mm) for shape in shapes]
     layers = np.repeat(np.arange(len(shapes), dtype=np.int32), [polygon.shape[0] for polygon in edges])
     together = tf.concat(edges, axis=0)
     corners = together[:, 0]
@@ -98,11 +101,11 @@ def rasterise_prop(
     )
 
 
-def _shape_edges(shape: PropShape, context: PropContext, max_side: int) -> tf.Tensor:
+def _shape_edges(shape: PropShape, context: PropContext, max_px_per_mm: float) -> tf.Tensor:
     """Return the edges [n, 2 ends, 2] of `shape` in pixels, short enough for the rasterizer."""
-    count = math.ceil(shape.max_perimeter_mm * max_side / 70)
+    count = math.ceil(shape.max_perimeter_mm * max_px_per_mm)
     points = shape.points
-    if context.view.distortion is not None:
+    if context.view.distortion is not None and points.shape[0] < _MANY_POINTS:
         # Straight edges bend in the photo.
         points = subdivide_polygon(points, _BEND_PIECES)
     return polygon_edges(resample_polygon(context.view.to_photo(points), count))

@@ -7,7 +7,7 @@ gap. The straight line between the two supports proves that the prop never cover
 
 import math
 from dataclasses import dataclass
-from typing import Generic, NamedTuple
+from typing import Any, Generic, NamedTuple
 
 import numpy as np
 import tensorflow as tf
@@ -57,7 +57,7 @@ class PropShape(NamedTuple):
     points: tf.Tensor
     colour: tf.Tensor
     max_perimeter_mm: float
-    opacity: float = 1.0
+    opacity: float | tf.Tensor = 1.0
 
     def shadow(self, thickness_mm: float) -> "PropShape":
         """Return the narrow shadow that it throws on the sheet if it is `thickness_mm` thick."""
@@ -71,9 +71,23 @@ def place_beside_leaf(
 
     `direction` and `turn` are radians, `gap_mm` is the distance between the supports of leaf and shape.
     """
-    cosine, sine = tf.cos(turn), tf.sin(turn)
-    turned = shape @ tf.stack([tf.stack([cosine, sine]), tf.stack([-sine, cosine])])
+    turned = turn_points(shape, turn)
     away = tf.stack([tf.cos(direction), tf.sin(direction)])
     support = tf.reduce_max(tf.linalg.matvec(context.outline, away))
     own = -tf.reduce_min(tf.linalg.matvec(turned, away))
     return turned + away * (support + own + gap_mm)
+
+
+def turn_points(points: tf.Tensor, turn: tf.Tensor) -> tf.Tensor:
+    """Return `points` [n, 2] turned about the origin by `turn` radians."""
+    cosine, sine = tf.cos(turn), tf.sin(turn)
+    return points @ tf.stack([tf.stack([cosine, sine]), tf.stack([-sine, cosine])])
+
+
+def place_parts(
+    parts: list[tf.Tensor], context: PropContext, params: PropParams[Any], *, turn: tf.Tensor
+) -> list[tf.Tensor]:
+    """Place `parts` [n_i, 2] of one prop as `place_beside_leaf` does, so that they stay together."""
+    whole = tf.concat(parts, axis=0)
+    placed = place_beside_leaf(whole, context, params.direction, turn, params.gap_mm)
+    return list(tf.split(placed, [part.shape[0] for part in parts]))
