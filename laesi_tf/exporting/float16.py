@@ -71,6 +71,7 @@ def compute_test_metrics(run: Run) -> dict[str, float]:
         ranges=ranges if ranges.is_file() else config.ranges,
         start=synthetic.TEST_INDICES[0],
         passes=1,
+        render=task.renderer(),
     )
     arrays = evaluate_network(run.model, task, list(itertools.islice(scenes, _BATCHES)))
     return {key: float(np.asarray(value)) for key, value in task.aggregate(arrays).items()}
