@@ -134,5 +134,6 @@ def answer_cells(
         around = np.mod(np.angle(turn) / (2 * np.pi), 1)[..., None] * cells.DIRECTION_BINS
         apart = np.abs(np.arange(cells.DIRECTION_BINS) - around)
         directions = np.maximum(0, 1 - np.minimum(apart, cells.DIRECTION_BINS - apart))
-        answers.append(cells.CellAnswers(*(a.astype(np.float32) for a in (0.95 * seen, periods, directions))))
+        parts = (0.95 * seen, periods, directions, 0.05 * seen)
+        answers.append(cells.CellAnswers(*(part.astype(np.float32) for part in parts)))
     return answers

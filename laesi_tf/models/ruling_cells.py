@@ -34,6 +34,8 @@ class CellAnswers(NamedTuple):
     """[h, w, PERIOD_BINS] of the finest visible period."""
     directions: tf.Tensor
     """[h, w, DIRECTION_BINS] of the direction of the lines modulo 90 degrees."""
+    finest_uncertain: tf.Tensor
+    """[h, w], that finer lines are printed here than can be seen."""
 
 
 def period_px(bins: tf.Tensor) -> tf.Tensor:

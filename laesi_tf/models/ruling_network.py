@@ -120,6 +120,7 @@ def to_answers(logits: tf.Tensor) -> CellAnswers:
     heads = split_heads(logits)
     return CellAnswers(
         readable=tf.sigmoid(heads["readable"]),
+        finest_uncertain=tf.sigmoid(heads["finest_uncertain"]),
         periods=tf.nn.softmax(heads["periods"]),
         directions=tf.nn.softmax(heads["directions"]),
     )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from laesi_tf.common.arrays import Points
 from laesi_tf.estimators.ruling.reading import Reading
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 
@@ -49,6 +50,8 @@ class SheetReading:
     notes: tuple[str, ...] = ()
     paper: str = ""
     """Which lines are heavier: '1-5-10', '1-10', '1-5', '1-4', '1-2' or '1', in finest lines."""
+    outline: Points | None = None
+    """Convex outline [N, 2] of the ruled sheet as far as the photo shows it, photo pixels."""
     proves_millimetres: bool = False
     """Fifth and tenth lines are heavier, as on millimetre paper alone."""
 
@@ -70,7 +73,11 @@ def name_paper(reading: Reading) -> str:
 
 
 def judge_reading(
-    reading: Reading, size: tuple[int, int], step: tuple[float, float], *, grid_mm: float | None
+    reading: Reading,
+    size: tuple[int, int],
+    step: tuple[float, float],
+    *,
+    grid_mm: float | None,
 ) -> SheetReading:
     """The camera that `reading` founds, or why there is none.
 

@@ -1,0 +1,122 @@
+"""Read the ruling of a photo with the ruling network: from pixels to a camera, or to a refusal.
+
+One TensorFlow function holds all that looks at pixels. Only a photo whose lines are too fine for the half
+resolution is looked at in full: three quarters of the network's work is there.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import keras
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.common.arrays import Points
+from laesi_tf.estimators.photo_pyramid import Crop
+from laesi_tf.estimators.ruling.judge import SheetReading, judge_reading
+from laesi_tf.estimators.ruling.reading import Reading, read_sheet
+from laesi_tf.estimators.ruling.spectra import build_pyramid
+from laesi_tf.estimators.ruling.votes import PARAMETERS as VOTES
+from laesi_tf.models.ruling_cells import (
+    CELL_PX,
+    DIRECTION_BINS,
+    FRAME_PX,
+    LEVELS,
+    PERIOD_BINS,
+    CellAnswers,
+)
+from laesi_tf.models.ruling_network import build_ruling_network, to_answers
+
+_ENOUGH_CELLS = 40
+"""Readable cells at a coarse level that make the full resolution superfluous."""
+_MANY_HIDDEN = 0.2
+"""Share of the readable cells that may hide finer lines, from which the full resolution is needed."""
+_FINE_CELLS = FRAME_PX // CELL_PX
+_SURE_OF_AGREEMENT = 0.3
+"""Cells of the frame whose mean agreement over levels is above this belong to the ruled sheet."""
+
+
+class SheetReader:
+    """Reads rulings with a trained network."""
+
+    def __init__(self, network: keras.Model) -> None:
+        """Take a ruling network of any input size, [B, h, w, 3] -> logits."""
+        self._network = build_ruling_network()
+        self._network.set_weights(network.get_weights())
+        self._read = tf.function(
+            self._read_frame,
+            input_signature=[
+                tf.TensorSpec([FRAME_PX, FRAME_PX, 3], tf.uint8),
+                tf.TensorSpec([2], tf.float32),
+            ],
+            autograph=False,
+        )
+
+    def read(self, overview: Crop, *, grid_mm: float | None) -> SheetReading:
+        """Read the ruling of a photo in its `overview`, of at most FRAME_PX pixels.
+
+        `grid_mm` is the distance of the finest lines where the user names it. The camera maps photo pixels.
+        """
+        height, width = overview.size
+        frame = np.zeros((FRAME_PX, FRAME_PX, 3), np.uint8)
+        frame[:height, :width] = overview.image
+        reading: Reading = tf.nest.map_structure(
+            lambda tensor: tensor.numpy(), self._read(frame, np.array([height, width], np.float32))
+        )
+        step_x, step_y = overview.pixel_size
+        judged = judge_reading(reading, (height, width), (float(step_x), float(step_y)), grid_mm=grid_mm)
+        return replace(judged, outline=outline_sheet(reading.votes.agreement, overview))
+
+    def _read_frame(self, frame: tf.Tensor, size: tf.Tensor) -> Reading:
+        pyramid = build_pyramid(tf.cast(frame, tf.float32), LEVELS)
+        coarse = [self._ask(pyramid[level], size / 2.0**level) for level in range(1, LEVELS)]
+        fine = tf.cond(
+            needs_full_resolution(coarse),
+            lambda: self._ask(pyramid[0], size),
+            _no_answers,
+        )
+        return read_sheet(pyramid[0], size, [fine, *coarse])
+
+    def _ask(self, image: tf.Tensor, size: tf.Tensor) -> CellAnswers:
+        """Return the answers for `image` [h, w, 3] of which the upper left `size` [2] is the photo."""
+        cells = image.shape[0] // CELL_PX
+        logits: Any = self._network(image[tf.newaxis], training=False)
+        answers = to_answers(tf.ensure_shape(logits[0], [cells, cells, logits.shape[-1]]))
+        middles = (tf.range(cells, dtype=tf.float32) + 0.5) * CELL_PX
+        inside = (middles < size[0])[:, None] & (middles < size[1])
+        return answers._replace(readable=tf.where(inside, answers.readable, 0.0))
+
+
+def _no_answers() -> CellAnswers:
+    cells: list[int] = [_FINE_CELLS, _FINE_CELLS]
+    return CellAnswers(
+        readable=tf.zeros(cells),
+        periods=tf.zeros([*cells, PERIOD_BINS]),
+        directions=tf.zeros([*cells, DIRECTION_BINS]),
+        finest_uncertain=tf.zeros(cells),
+    )
+
+
+def needs_full_resolution(coarse: list[CellAnswers]) -> tf.Tensor:
+    """Return whether the coarse levels show too few lines, or lines that may hide finer ones."""
+    readable = [tf.cast(cells.readable > VOTES.sure, tf.float32) for cells in coarse]
+    counts = tf.stack([tf.reduce_sum(flags) for flags in readable])
+    hidden = tf.stack(
+        [tf.reduce_sum(flags * cells.finest_uncertain) for flags, cells in zip(readable, coarse, strict=True)]
+    )
+    best = tf.argmax(counts)
+    return (counts[best] < _ENOUGH_CELLS) | (hidden[best] > _MANY_HIDDEN * counts[best])
+
+
+def outline_sheet(agreement: np.ndarray, overview: Crop) -> Points | None:
+    """Return the convex outline [N, 2], photo pixels, of the cells that show the ruling; None without any.
+
+    `agreement` [C, C] is that of `Votes`.
+    """
+    rows, columns = np.nonzero(agreement > _SURE_OF_AGREEMENT)
+    if len(rows) < 3:
+        return None
+    corners = np.concatenate([np.stack([columns + i, rows + j], 1) for i in (0, 1) for j in (0, 1)])
+    hull = cv2.convexHull(corners.astype(np.float32) * CELL_PX)[:, 0]
+    return overview.to_photo(np.minimum(hull, overview.size.xy))
