@@ -64,7 +64,7 @@ def test_bad_input_is_refused_before_expensive_work_and_leaves_nothing(tmp_path,
     def refuse(*_, **__):
         raise AssertionError("expensive work before a cheap check")
 
-    monkeypatch.setattr(initialisation, "build_backbone", refuse)
+    monkeypatch.setattr(initialisation, "build_network", refuse)
     monkeypatch.setattr(InputPipeline, "validation_batches", refuse)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):
