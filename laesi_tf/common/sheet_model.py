@@ -6,9 +6,11 @@ NumPy's camera.
 
 from typing import Any, NamedTuple
 
-FOCAL_SQUARED = (2 * 0.78) ** 2
-"""Squared focal length of a phone's main camera in units of half the photo's longer side. It only says
-towards which point paper that rises from its plane moves in the photo."""
+FOCAL = 0.78
+"""Focal length of a phone's main camera in units of the photo's longer side: 28 mm on 36 mm."""
+FOCAL_SQUARED = (2 * FOCAL) ** 2
+"""Its square in units of half the photo's longer side. It only says towards which point paper that rises from
+its plane moves in the photo."""
 
 
 class SheetModel(NamedTuple):

@@ -10,8 +10,8 @@ import tensorflow as tf
 
 from laesi_tf.synthesis import renderer
 from laesi_tf.synthesis.camera.params import CameraParams
-from laesi_tf.synthesis.camera.view import CameraView
-from laesi_tf.synthesis.geometry import ImageSize, project_points, px_per_mm_at
+from laesi_tf.synthesis.camera.view import CameraView, place_matrix
+from laesi_tf.synthesis.geometry import ImageSize, px_per_mm_at
 from laesi_tf.synthesis.paper.kinds import spacing_mm
 from laesi_tf.synthesis.paper.sheet import distance_to_sheet_edge
 from laesi_tf.synthesis.ranges import Scalar
@@ -62,12 +62,10 @@ def crop_view(view: CameraView, size: ImageSize, *, place: tf.Tensor, px_per_mm:
     """
     image_wh = tf.constant(size[::-1], tf.float32)
     middle = place * image_wh
-    on_sheet = project_points(tf.linalg.inv(view.to_px), middle)
-    zoom = px_per_mm / px_per_mm_at(view.to_px, on_sheet)
-    shift = image_wh / 2 - zoom * middle
-    last = tf.stack([shift[0], shift[1], 1.0])
-    move = tf.stack([zoom, zoom, 0.0])[:, None] * tf.eye(3) + last[:, None] * tf.constant([[0.0, 0.0, 1.0]])
-    return CameraView(move @ view.to_px, zoom * view.px_per_mm, view.fov_mm / zoom)
+    flat = view._replace(distortion=None)
+    zoom = px_per_mm / px_per_mm_at(view.to_px, flat.to_sheet(middle))
+    to_crop = place_matrix(zoom, image_wh / 2 - zoom * middle)
+    return CameraView(to_crop @ view.to_px, zoom * view.px_per_mm, view.fov_mm / zoom)
 
 
 def set_blur(camera: CameraParams[Scalar], blur_mm: tf.Tensor) -> CameraParams[Scalar]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from laesi_tf.common.sheet_model import SheetModel, to_lines
+from laesi_tf.common.sheet_model import FOCAL, SheetModel, to_lines
 
 _DIFFERENCE = 1e-4
 """Step of numerical derivatives, in half the photo's longer side."""
@@ -15,8 +15,6 @@ together, so that the covariance, which takes windows as independent, misses the
 `rendered` (split develop) are within one standard deviation with it. Set on 28 November 2026."""
 _FLOOR = 0.0003
 """Relative standard deviation of the scale that stays with the clearest ruling. Set as `_WAVY`."""
-_FOCAL = 0.78
-"""Focal length of a phone's main camera in units of the photo's longer side: 28 mm on 36 mm."""
 _FOCALS = 0.5, 3.0
 """Focal lengths that are believed: an ultra-wide camera, and a photo cropped to a quarter."""
 
@@ -101,7 +99,7 @@ class SheetCamera:
         by_ratio = math.acos(min(1.0, smaller / larger))
         if _FOCALS[0] * change <= math.tan(by_ratio) <= _FOCALS[1] * change:
             return math.degrees(by_ratio)
-        return math.degrees(math.atan(_FOCAL * change))
+        return math.degrees(math.atan(FOCAL * change))
 
     def _frame(self) -> tuple[float, np.ndarray]:
         height, width = self.size

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import tensorflow as tf
 
-from laesi_tf.common.sheet_model import FOCAL_SQUARED, SheetModel, remove_bend, remove_distortion
+from laesi_tf.common.sheet_model import FOCAL_SQUARED, SheetModel, remove_bend, remove_distortion, to_lines
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.geometry import ImageSize, invert_homography
 from laesi_tf.synthesis.ranges import Scalar
@@ -36,18 +36,13 @@ class Distortion(NamedTuple):
         u = tf.range(size[1], dtype=tf.float32)[None, :] + 0.5
         v = tf.range(size[0], dtype=tf.float32)[:, None] + 0.5
         x, y = (u - self.middle_px[0]) / self.half_side_px, (v - self.middle_px[1]) / self.half_side_px
-        x, y = self._flatten(x, y)
-        model = self.model
-        depth = 1 + model.tilt_x * x + model.tilt_y * y
-        return (
-            (model.ux * x + model.uy * y) / depth + model.offset_u,
-            (model.vx * x + model.vy * y) / depth + model.offset_v,
-        )
+        return to_lines(self.model, x, y)
 
     def to_flat(self, points: tf.Tensor) -> tf.Tensor:
         """Return where photo `points` [..., 2] would be without lens and bend, both in pixels."""
         x, y = tf.unstack((points - self.middle_px) / self.half_side_px, axis=-1)
-        return tf.stack(self._flatten(x, y), axis=-1) * self.half_side_px + self.middle_px
+        flat = remove_bend(self.model, *remove_distortion(self.model, x, y))
+        return tf.stack(flat, axis=-1) * self.half_side_px + self.middle_px
 
     def from_flat(self, points: tf.Tensor) -> tf.Tensor:
         """Return the photo points of `points` [..., 2] of a picture without lens and bend, in pixels."""
@@ -55,9 +50,8 @@ class Distortion(NamedTuple):
         place = target
         for _ in range(_BEND_STEPS):
             x, y = tf.unstack(tf.clip_by_value(place, -_FARTHEST, _FARTHEST), axis=-1)
-            place += (
-                target - place - (tf.stack(remove_bend(self.model, x, y), axis=-1) - tf.stack([x, y], -1))
-            )
+            bend = tf.stack(remove_bend(self.model, x, y), axis=-1) - tf.stack([x, y], axis=-1)
+            place += target - place - bend
         return self._distort(place) * self.half_side_px + self.middle_px
 
     def area_ratio(self, points: tf.Tensor) -> tf.Tensor:
@@ -74,9 +68,6 @@ class Distortion(NamedTuple):
         slope_y = 2 * model.bend_yy * y + model.bend_xy * x
         lever = slope_x * (x - FOCAL_SQUARED * model.tilt_x) + slope_y * (y - FOCAL_SQUARED * model.tilt_y)
         return (1 + stretch) * (1 + 3 * stretch) * (1 + rise) * (1 + rise + lever)
-
-    def _flatten(self, x: tf.Tensor, y: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-        return remove_bend(self.model, *remove_distortion(self.model, x, y))
 
     def _distort(self, place: tf.Tensor) -> tf.Tensor:
         """Return the distorted points of undistorted `place` [..., 2]: Newton's method along the radius."""

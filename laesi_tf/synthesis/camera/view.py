@@ -86,14 +86,14 @@ def compute_view(
     low, free_space = IMAGE_BORDER * image_wh, image_wh - 2 * IMAGE_BORDER * image_wh
     if is_distorted:
         # The tilt that displaces bent paper is that of the placed camera, which differs a little.
-        centring = _place(1.0, image_wh / 2)
+        centring = place_matrix(1.0, image_wh / 2)
         rough = make_distortion(camera, tf.linalg.matmul(centring, homography), height, width)
         low, high = inner_rectangle(rough, low, low + free_space)
         free_space = high - low
     zoom = tf.minimum(tf.reduce_min(free_space / box_size), 1)
     position = tf.stack([camera.place_x, camera.place_y])
     shift = low + position * (free_space - zoom * box_size) - zoom * corner
-    to_px = tf.linalg.matmul(_place(zoom, shift), homography)
+    to_px = tf.linalg.matmul(place_matrix(zoom, shift), homography)
     centroid = polygon_centroid(outline)
     view = CameraView(to_px, px_per_mm_at(to_px, centroid), fov_mm=fov / zoom)
     if not is_distorted:
@@ -102,7 +102,7 @@ def compute_view(
     return view._replace(px_per_mm=tf.math.rsqrt(view.mm2_per_px(view.to_photo(centroid))))
 
 
-def _place(zoom: tf.Tensor | float, shift: tf.Tensor) -> tf.Tensor:
+def place_matrix(zoom: tf.Tensor | float, shift: tf.Tensor) -> tf.Tensor:
     """Return the matrix [3, 3] that scales by `zoom`, then shifts by `shift` [2], both in pixels."""
     move = tf.concat([shift, [1.0]], axis=0)[:, None] * np.array([0, 0, 1], np.float32)
     return zoom * (_unit_matrix(0, 0) + _unit_matrix(1, 1)) + move
