@@ -11,10 +11,7 @@ from laesi_tf.synthesis import sample_scene
 from laesi_tf.synthesis.paper.kinds import (
     PAPER_KINDS,
     crossed_periods_mm,
-    distances_to_common_lines,
-    finest_mm,
-    has_ruling,
-    heaviest_mm,
+    place_in_period,
 )
 from laesi_tf.synthesis.paper.params import KIND_NAMES, PaperParams
 from laesi_tf.synthesis.paper.ruling import (
@@ -68,8 +65,9 @@ def test_every_kind_has_its_name_and_truth() -> None:
 @pytest.mark.parametrize("kind", TRUTH)
 def test_printed_lines_have_the_periods_that_the_scene_states(kind: str, dotted: bool) -> None:
     fine = sheet_of(kind, dotted=dotted, strength_5mm=0.0, strength_10mm=0.0)
-    finest, heaviest = float(finest_mm(fine)), float(heaviest_mm(fine))
-    assert (finest, heaviest) == pytest.approx(TRUTH[kind]) and bool(has_ruling(fine)) == (finest > 0)
+    periods = crossed_periods_mm(fine).numpy()
+    finest, heaviest = float(periods[0]), float(periods.max())
+    assert (finest, heaviest) == pytest.approx(TRUTH[kind])
     if kind != "lines":
         for axis in (0, 1):
             assert strongest_period(fine, axis=axis) == pytest.approx(finest, rel=1e-3)
@@ -102,20 +100,20 @@ def test_millimetre_paper_of_either_way_is_the_same() -> None:
 def test_left_out_kinds_leave_millimetre_paper() -> None:
     phone = PRESETS["phone"]
     plain = changed(phone, "paper", kind=KIND.with_weights(plain=1.0))
-    assert float(sample_scene(0, 0, plain).finest_mm) == 0
+    assert float(sample_scene(0, 0, plain).printed_periods_mm[0]) == 0
     without = dataclasses.replace(plain, without=frozenset({"paper_kinds"}))
     scene = sample_scene(0, 0, without)
-    assert float(scene.finest_mm) == 1 and "paper_kinds" not in scene.components
+    assert float(scene.printed_periods_mm[0]) == 1 and "paper_kinds" not in scene.components
     assert not RENDERING_2.has("paper_kinds") and phone.has("paper_kinds")
     bare = dataclasses.replace(phone, without=frozenset({"ruling"}))
-    assert not bool(sample_scene(0, 0, bare).has_ruling)
+    assert not sample_scene(0, 0, bare).printed_periods_mm.numpy().any()
 
 
 @pytest.mark.parametrize("kind", [name for name, (finest, _) in TRUTH.items() if finest])
 def test_ink_is_darkest_on_lines_that_belong_to_all_families(kind: str) -> None:
     sheet = sheet_of(kind, phase_x=3.7, phase_y=8.1)
     place = tf.range(0.0, 30.0, 0.01)[None]
-    distances = distances_to_common_lines(sheet, place, place).numpy()
+    distances = place_in_period(sheet, place, place).numpy() * PAPER_KINDS[kind].period_mm
     period = float(crossed_periods_mm(sheet).numpy().max())
     transmission = pack_kind_transmission(sheet, 2540, tf.constant(0.05))
     for axis in range(2):

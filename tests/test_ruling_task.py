@@ -14,6 +14,7 @@ from laesi_tf.models.ruling_cells import DIRECTION_BINS, PERIOD_BINS
 from laesi_tf.models.ruling_network import RulingTargets, share_between_bins, to_bin
 from laesi_tf.synthesis import Ranges, sample_scene, synthesise_ruling_crop
 from laesi_tf.synthesis.geometry import pixel_centres_to_sheet
+from laesi_tf.synthesis.paper.kinds import crossed_periods_mm, place_in_period, printed_lines
 from laesi_tf.synthesis.paper.params import KIND_NAMES
 from laesi_tf.synthesis.ruling_labels import NO, UNDECIDED, YES, RulingLabels, label_ruling
 from laesi_tf.training.config import TrainConfig
@@ -52,7 +53,8 @@ def draw(paper, *, px_per_mm: float, angle: float, strength: float, heavy: float
 def label(image, paper, to_px, bare=None) -> RulingLabels:
     bare = np.ones((SIDE, SIDE), np.float32) if bare is None else bare
     places = pixel_centres_to_sheet(tf.constant(to_px), (SIDE, SIDE))
-    labels = label_ruling(tf.constant(image), tf.constant(bare), paper, *places)
+    lines_mm = place_in_period(paper, *places) * printed_lines(paper).period_mm
+    labels = label_ruling(tf.constant(image), tf.constant(bare), crossed_periods_mm(paper), lines_mm)
     return RulingLabels(*(part.numpy() for part in labels))
 
 

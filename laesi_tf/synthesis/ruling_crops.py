@@ -12,7 +12,7 @@ from laesi_tf.synthesis import renderer
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.camera.view import CameraView, place_matrix
 from laesi_tf.synthesis.geometry import ImageSize, px_per_mm_at
-from laesi_tf.synthesis.paper.kinds import spacing_mm
+from laesi_tf.synthesis.paper.kinds import place_in_period, printed_lines, spacing_mm
 from laesi_tf.synthesis.paper.sheet import distance_to_sheet_edge
 from laesi_tf.synthesis.ranges import Scalar
 from laesi_tf.synthesis.ruling_labels import label_ruling
@@ -45,7 +45,8 @@ def render_ruling_crop(
     if "desk" in scene.components:
         edge_mm = distance_to_sheet_edge(scene.paper, whole.outline, *places)
         bare *= tf.cast((edge_mm > scene.paper.border_mm) | ~scene.paper.edged, tf.float32)
-    labels = label_ruling(sample["image"], bare, scene.paper, *places)
+    lines_mm = place_in_period(scene.paper, *places) * printed_lines(scene.paper).period_mm
+    labels = label_ruling(sample["image"], bare, scene.printed_periods_mm, lines_mm)
     return sample | {"ruling": tf.stack(labels, -1)}
 
 

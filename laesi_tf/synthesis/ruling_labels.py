@@ -11,10 +11,6 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.synthesis.paper.kinds import crossed_periods_mm, distances_to_common_lines
-from laesi_tf.synthesis.paper.params import PaperParams
-from laesi_tf.synthesis.ranges import Scalar
-
 CELL_PX = 16
 LEVELS = 3
 """A sheet has fine lines and up to two heavier families at multiples of their distance."""
@@ -58,16 +54,15 @@ class RulingLabels(NamedTuple):
 
 
 def label_ruling(
-    image: tf.Tensor, bare_sheet: tf.Tensor, paper: PaperParams[Scalar], x_mm: tf.Tensor, y_mm: tf.Tensor
+    image: tf.Tensor, bare_sheet: tf.Tensor, periods_mm: tf.Tensor, lines_mm: tf.Tensor
 ) -> RulingLabels:
     """Label the cells of `image` uint8 [H, W, 3], H and W multiples of CELL_PX.
 
-    `bare_sheet` [H, W] is 1 where the printed sheet is not covered by a leaf; `x_mm` and `y_mm` [H, W] are
-    the places of the pixels on the sheet.
+    `bare_sheet` [H, W] is 1 where the printed sheet is not covered by a leaf. `periods_mm` [LEVELS] are those
+    of the printed lines, 0 for levels that the sheet lacks; `lines_mm` [2, H, W] are the distances of the
+    pixels from a line of either direction that belongs to all levels.
     """
     grey = tf.reduce_mean(tf.cast(image, tf.float32), -1) / 255
-    periods_mm = crossed_periods_mm(paper)
-    lines_mm = distances_to_common_lines(paper, x_mm, y_mm)
     cells = _mean_in_cells(tf.concat([lines_mm, tf.cast(bare_sheet, tf.float32)[None]], 0))
     gradients = _gradients(cells[:2])
     log_mm_per_px = 0.25 * tf.reduce_sum(tf.math.log(tf.reduce_sum(gradients**2, 1) + 1e-12), 0)

@@ -11,7 +11,7 @@ from laesi_tf.synthesis.leaf.params import LEAF_KINDS, LeafParams
 from laesi_tf.synthesis.leaf.surface import SurfaceParams
 from laesi_tf.synthesis.light import LightParams
 from laesi_tf.synthesis.paper.desk import DeskParams
-from laesi_tf.synthesis.paper.kinds import finest_mm, heaviest_mm
+from laesi_tf.synthesis.paper.kinds import crossed_periods_mm
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.props.registry import PROPS, PropsParams, SampledProp, sample_prop
 from laesi_tf.synthesis.random_streams import RandomStreams, Stream
@@ -164,19 +164,9 @@ class Scene:
     """Width of the closest view of these ranges: shapes need as many edges as it has pixels."""
 
     @property
-    def finest_mm(self) -> tf.Tensor:
-        """The finest printed period in mm, float32 []; 0 unless lines or dots are printed both ways."""
-        return finest_mm(self.paper) if "ruling" in self.components else tf.constant(0.0)
-
-    @property
-    def heaviest_mm(self) -> tf.Tensor:
-        """The period in mm of the heaviest family, float32 []; 0 without a ruling."""
-        return heaviest_mm(self.paper) if "ruling" in self.components else tf.constant(0.0)
-
-    @property
-    def has_ruling(self) -> tf.Tensor:
-        """Whether lines or dots are printed in two directions, bool []."""
-        return self.finest_mm > 0
+    def printed_periods_mm(self) -> tf.Tensor:
+        """Periods in mm of fine, medium and heavy lines or dots, float32 [3]; 0 unless printed both ways."""
+        return crossed_periods_mm(self.paper) if "ruling" in self.components else tf.zeros([3])
 
 
 def sample_scene(seed: tf.Tensor | int, index: tf.Tensor | int, ranges: Ranges) -> Scene:

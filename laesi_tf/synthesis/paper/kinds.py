@@ -69,25 +69,6 @@ def printed_lines(paper: PaperParams[Scalar]) -> PrintedLines:
     )
 
 
-def finest_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
-    """Return the finest printed period in mm, []; 0 for sheets without lines in two directions."""
-    lines = printed_lines(paper)
-    return tf.math.divide_no_nan(lines.period_mm, lines.per_period[0]) * tf.cast(lines.is_crossed, tf.float32)
-
-
-def heaviest_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
-    """Return the period in mm of the heaviest family, []; `finest_mm` where there is one family only."""
-    lines = printed_lines(paper)
-    counts = tf.where(lines.per_period > 0, lines.per_period, tf.float32.max)
-    heaviest = tf.where(lines.per_period[0] > 0, lines.period_mm / tf.reduce_min(counts), 0.0)
-    return heaviest * tf.cast(lines.is_crossed, tf.float32)
-
-
-def has_ruling(paper: PaperParams[Scalar]) -> tf.Tensor:
-    """Return whether a sheet has lines or dots in two directions: bool []."""
-    return finest_mm(paper) > 0
-
-
 def spacing_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
     """Return the distance in mm of the finest lines, in one direction or two: []; any for plain sheets."""
     lines = printed_lines(paper)
@@ -100,8 +81,9 @@ def crossed_periods_mm(paper: PaperParams[Scalar]) -> tf.Tensor:
     return tf.math.divide_no_nan(lines.period_mm, lines.per_period) * tf.cast(lines.is_crossed, tf.float32)
 
 
-def distances_to_common_lines(paper: PaperParams[Scalar], x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
-    """Return the distances [2, ...] in mm of places on the sheet from a line of either direction that belongs
-    to all families."""
-    phases = tf.stack([paper.phase_x, paper.phase_y]) / PHASE_PERIOD_MM * printed_lines(paper).period_mm
-    return tf.stack([x_mm + phases[0], y_mm + phases[1]])
+def place_in_period(paper: PaperParams[Scalar], x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
+    """Return the places [2, ...] on the sheet in periods: at whole numbers lies a line of all families."""
+    per_mm = 1 / printed_lines(paper).period_mm
+    phases = (paper.phase_x, paper.phase_y)
+    places = zip((x_mm, y_mm), phases, strict=True)
+    return tf.stack([place * per_mm + phase / PHASE_PERIOD_MM for place, phase in places])

@@ -18,7 +18,7 @@ import tensorflow as tf
 from laesi_tf.synthesis.camera.view import CameraView
 from laesi_tf.synthesis.colour import hsv_to_rgb
 from laesi_tf.synthesis.geometry import ImageSize
-from laesi_tf.synthesis.paper.kinds import LONGEST_PERIOD_MM, PrintedLines, printed_lines
+from laesi_tf.synthesis.paper.kinds import LONGEST_PERIOD_MM, PrintedLines, place_in_period, printed_lines
 from laesi_tf.synthesis.paper.params import PaperParams
 from laesi_tf.synthesis.ranges import Scalar
 
@@ -57,10 +57,7 @@ def compute_ruling_cells(
 
 def kind_cells(paper: PaperParams[Scalar], samples: int, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
     """Return which of the `samples` of the x and of the y profile lie at the places: int32 [2, ...]."""
-    per_mm = 1 / printed_lines(paper).period_mm
-    phases = (paper.phase_x, paper.phase_y)
-    turns = (place * per_mm + phase / PERIOD_MM for place, phase in zip((x_mm, y_mm), phases, strict=True))
-    return tf.stack([_cell_of_turns(along, samples) for along in turns])
+    return _cell_of_turns(place_in_period(paper, x_mm, y_mm), samples)
 
 
 def ruling_cells(paper: PaperParams[Scalar], samples: int, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
@@ -88,10 +85,7 @@ def pack_line_transmission(paper: PaperParams[Scalar], samples: int, footprint_m
     does.
     """
     profiles = line_profiles(paper, samples, footprint_mm)
-    # Without a heavy family the sheet would be a plain 1 mm grid, which is not sold: keep one of the two.
-    has_10mm = tf.cast(paper.has_10mm | ~paper.has_5mm, tf.float32)
-    strength_5mm = paper.strength_5mm * tf.cast(paper.has_5mm, tf.float32)
-    strengths = tf.stack([paper.strength_1mm, strength_5mm, paper.strength_10mm * has_10mm])[:, None]
+    strengths = _line_strengths(paper, printed_lines(paper))[:, None]
     across, down = 1 - profiles * strengths, 1 - profiles * tf.minimum(strengths * paper.balance, 1)
     return _pack_pairs(across, down)
 
@@ -103,13 +97,18 @@ def pack_kind_transmission(paper: PaperParams[Scalar], samples: int, footprint_m
     """
     lines = printed_lines(paper)
     profiles = kind_profiles(paper, lines, samples, footprint_mm)
-    strengths = tf.stack([paper.strength_1mm, paper.strength_5mm, paper.strength_10mm])
-    strengths *= tf.cast(lines.per_period > 0, tf.float32)
+    strengths = _line_strengths(paper, lines)
     down = tf.minimum(strengths * paper.balance, 1)
     is_root = tf.stack([paper.dotted, tf.constant(False), tf.constant(False)])
     across, down = (tf.where(is_root, tf.sqrt(strength), strength) for strength in (strengths, down))
     across *= tf.cast(lines.is_crossed, tf.float32)
     return _pack_pairs(1 - profiles * across[:, None], 1 - profiles * down[:, None])
+
+
+def _line_strengths(paper: PaperParams[Scalar], lines: PrintedLines) -> tf.Tensor:
+    """Return the strengths [3] of fine, medium and heavy lines, 0 for those that the sheet lacks."""
+    strengths = tf.stack([paper.strength_1mm, paper.strength_5mm, paper.strength_10mm])
+    return strengths * tf.cast(lines.per_period > 0, tf.float32)
 
 
 def kind_profiles(
