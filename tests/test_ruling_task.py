@@ -8,6 +8,7 @@ import pytest
 import tensorflow as tf
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenes import changed
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.models.ruling_cells import DIRECTION_BINS, PERIOD_BINS
@@ -16,6 +17,9 @@ from laesi_tf.synthesis import Ranges, sample_scene, synthesise_ruling_crop
 from laesi_tf.synthesis.geometry import pixel_centres_to_sheet
 from laesi_tf.synthesis.paper.kinds import crossed_periods_mm, place_in_period, printed_lines
 from laesi_tf.synthesis.paper.params import KIND_NAMES
+from laesi_tf.synthesis.presets import PRESETS
+from laesi_tf.synthesis.ranges import Probability
+from laesi_tf.synthesis.ruling_crops import find_printed_sheet
 from laesi_tf.synthesis.ruling_labels import NO, UNDECIDED, YES, RulingLabels, label_ruling
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.tasks import make_task
@@ -120,6 +124,25 @@ def test_perfect_answers_are_all_right_and_wrong_ones_are_not():
     assert float(task.loss(tf.constant(20 * right, tf.float32), tf.constant(target))) < float(
         task.loss(tf.constant(20 * wrong, tf.float32), tf.constant(target))
     )
+
+
+@pytest.mark.parametrize(("scrap", "farther_mm"), [(False, 80.0), (True, 8.0)])
+def test_labels_know_where_sheets_and_scraps_end(scrap: bool, farther_mm: float) -> None:
+    margins = dict.fromkeys(("left", "right", "top", "bottom"), 80.0)
+    ranges = changed(
+        PRESETS["phone"],
+        "paper",
+        **margins,
+        edged=Probability(1.0),
+        cut=Probability(0.0),
+        scrap=Probability(float(scrap)),
+        scrap_share=0.1,
+        border_mm=0.0,
+    )
+    outline = tf.constant([[-30.0, -20.0], [30.0, -20.0], [30.0, 20.0], [-30.0, 20.0]])
+    x_mm = 30 + farther_mm + tf.constant([[-1.0, 1.0]])
+    found = find_printed_sheet(sample_scene(0, 0, ranges), outline, x_mm, tf.zeros_like(x_mm))
+    assert found.numpy().tolist() == [[True, False]]
 
 
 def test_sides_of_crops_are_whole_cells():

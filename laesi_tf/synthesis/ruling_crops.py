@@ -13,7 +13,7 @@ from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.camera.view import CameraView, place_matrix
 from laesi_tf.synthesis.geometry import ImageSize, px_per_mm_at
 from laesi_tf.synthesis.paper.kinds import place_in_period, printed_lines, spacing_mm
-from laesi_tf.synthesis.paper.sheet import distance_to_sheet_edge
+from laesi_tf.synthesis.paper.sheet import find_sheet
 from laesi_tf.synthesis.ranges import Scalar
 from laesi_tf.synthesis.ruling_labels import label_ruling
 from laesi_tf.synthesis.scene import Scene
@@ -41,13 +41,18 @@ def render_ruling_crop(
     crop = dataclasses.replace(scene, camera=camera)
     sample = renderer.render_scene(crop, size, layout=whole._replace(view=view), textures=textures)
     places = view.pixel_centres_to_sheet(size)
-    bare = 1 - tf.cast(sample["mask"], tf.float32)
-    if "desk" in scene.components:
-        edge_mm = distance_to_sheet_edge(scene.paper, whole.outline, *places)
-        bare *= tf.cast((edge_mm > scene.paper.border_mm) | ~scene.paper.edged, tf.float32)
+    bare = find_printed_sheet(scene, whole.outline, *places) & (sample["mask"] == 0)
     lines_mm = place_in_period(scene.paper, *places) * printed_lines(scene.paper).period_mm
     labels = label_ruling(sample["image"], bare, scene.printed_periods_mm, lines_mm)
     return sample | {"ruling": tf.stack(labels, -1)}
+
+
+def find_printed_sheet(scene: Scene, outline: tf.Tensor, x_mm: tf.Tensor, y_mm: tf.Tensor) -> tf.Tensor:
+    """Return whether places [H, W] lie on the printed part of the sheet, on which the leaf `outline` lies."""
+    if "desk" not in scene.components:
+        return tf.ones_like(x_mm, tf.bool)
+    edge_mm, border_mm = find_sheet(scene.paper, outline, x_mm, y_mm, scene.components)
+    return (edge_mm > border_mm) | ~scene.paper.edged
 
 
 def log_uniform(limits: tuple[float, float], uniform: tf.Tensor) -> tf.Tensor:
