@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from laesi_tf.estimators.ruling import judge
 from laesi_tf.estimators.ruling.least_squares import solve_normal
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
+from laesi_tf.estimators.ruling.spectra import build_pyramid
 from laesi_tf.models import ruling_cells as cells
 
 FIVES_AND_TENS = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
@@ -23,7 +24,9 @@ TENS, FIVES, PLAIN = {1.0: 0.6, 10.0: 1.0}, {1.0: 0.5, 5.0: 0.9}, {1.0: 0.8}
 def compiled_reader():
     return tf.function(
         lambda frame, size, *flat: read_sheet(
-            frame, size, [cells.CellAnswers(*flat[i : i + 4]) for i in range(0, len(flat), 4)]
+            build_pyramid(frame, cells.LEVELS),
+            size,
+            [cells.CellAnswers(*flat[i : i + 4]) for i in range(0, len(flat), 4)],
         ),
         input_signature=signature(),
         autograph=False,

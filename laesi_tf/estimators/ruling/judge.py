@@ -73,11 +73,7 @@ def name_paper(reading: Reading) -> str:
 
 
 def judge_reading(
-    reading: Reading,
-    size: tuple[int, int],
-    step: tuple[float, float],
-    *,
-    grid_mm: float | None,
+    reading: Reading, size: tuple[int, int], step: tuple[float, float], *, grid_mm: float | None
 ) -> SheetReading:
     """The camera that `reading` founds, or why there is none.
 

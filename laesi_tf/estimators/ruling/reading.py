@@ -13,7 +13,6 @@ from laesi_tf.estimators.ruling.sheet_waves import predict_waves, window_points
 from laesi_tf.estimators.ruling.spectra import (
     SIDE,
     Windows,
-    build_pyramid,
     compute_power,
     cut_windows,
     extract_ink,
@@ -75,13 +74,12 @@ def cover_ruling(agreement: tf.Tensor) -> tf.Tensor:
     return tf.clip_by_value(2.5 * mean - 0.9, 0.0, 1.0)
 
 
-def read_sheet(frame: tf.Tensor, size: tf.Tensor, answers: list[CellAnswers]) -> Reading:
-    """Read the ruling of a photo in the corner of `frame` [F, F, 3], RGB of 0..255.
+def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnswers]) -> Reading:
+    """Read the ruling of a photo in the corner of a frame, RGB of 0..255, of which `pyramid` has all LEVELS.
 
     `size` [2] is the photo's (height, width), float; `answers` are those of all LEVELS of its pyramid.
     """
     votes = collect_votes(answers)
-    pyramid = build_pyramid(frame, LEVELS)
     level = choose_level(votes.period_px, size)
     windows = prepare_windows(pyramid, size, votes, level)
     power = compute_power(windows.ink)

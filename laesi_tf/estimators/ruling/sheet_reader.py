@@ -71,12 +71,8 @@ class SheetReader:
     def _read_frame(self, frame: tf.Tensor, size: tf.Tensor) -> Reading:
         pyramid = build_pyramid(tf.cast(frame, tf.float32), LEVELS)
         coarse = [self._ask(pyramid[level], size / 2.0**level) for level in range(1, LEVELS)]
-        fine = tf.cond(
-            needs_full_resolution(coarse),
-            lambda: self._ask(pyramid[0], size),
-            _no_answers,
-        )
-        return read_sheet(pyramid[0], size, [fine, *coarse])
+        fine = tf.cond(needs_full_resolution(coarse), lambda: self._ask(pyramid[0], size), _no_answers)
+        return read_sheet(pyramid, size, [fine, *coarse])
 
     def _ask(self, image: tf.Tensor, size: tf.Tensor) -> CellAnswers:
         """Return the answers for `image` [h, w, 3] of which the upper left `size` [2] is the photo."""

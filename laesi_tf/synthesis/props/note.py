@@ -10,7 +10,7 @@ from laesi_tf.synthesis.colour import hsv_to_rgb
 from laesi_tf.synthesis.geometry import stroke_outlines
 from laesi_tf.synthesis.props.handwriting import InkParams, handwriting_stroke, ink_colour
 from laesi_tf.synthesis.props.placement import UNIT_SQUARE, PropContext, PropParams, PropShape, place_parts
-from laesi_tf.synthesis.props.ruler import comb
+from laesi_tf.synthesis.props.ruler import join_bars
 from laesi_tf.synthesis.ranges import Scalar, Value, interval, probability
 
 _BARS = 32
@@ -56,7 +56,7 @@ def make_barcode(
     """Return a white sticker and its bars."""
     size = barcode.barcode_mm * tf.stack([1.0, barcode.barcode_aspect])
     places = (np.arange(_BARS) + 0.5) / _BARS
-    bars = (comb(places, np.ones(_BARS), _BAR_WIDTHS / _BARS) - 0.5) * size * [0.85, 0.6]
+    bars = (join_bars(places, np.ones(_BARS), _BAR_WIDTHS / _BARS) - 0.5) * size * [0.85, 0.6]
     card, code = place_parts([UNIT_SQUARE * size / 2, bars], context, barcode, turn=barcode.turn)
     paper = PropShape(card, tf.fill([3, 1, 1], 0.88 + 0.1 * numbers[0]), 3.1 * largest.barcode_mm)
     perimeter_mm = 2.2 * largest.barcode_mm * (1 + 0.6 * _BARS * largest.barcode_aspect)

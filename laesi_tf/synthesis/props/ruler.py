@@ -25,8 +25,8 @@ class RulerParams(PropParams[Value]):
     """Below one the ruler is clear plastic."""
 
 
-def comb(positions: np.ndarray, lengths: np.ndarray, widths: np.ndarray | float) -> tf.Tensor:
-    """Return one polygon [4 n, 2] of n teeth: at `positions` [n] along x, of `lengths` [n] along y."""
+def join_bars(positions: np.ndarray, lengths: np.ndarray, widths: np.ndarray | float) -> tf.Tensor:
+    """Return one polygon [4 n, 2] of n bars: at `positions` [n] along x, of `lengths` [n] along y."""
     half = np.broadcast_to(np.asarray(widths) / 2, positions.shape)
     x = np.stack([positions - half, positions - half, positions + half, positions + half], axis=1)
     y = np.stack([0 * lengths, lengths, lengths, 0 * lengths], axis=1)
@@ -42,7 +42,7 @@ def make_ruler(
     half_size = tf.stack([ruler.ruler_mm, ruler.ruler_width_mm]) / 2
     # The scale of a short ruler stops at its end.
     last = tf.stack([ruler.ruler_mm - 8, 10.0])
-    marks = tf.minimum(comb(mark.astype(float), lengths, _MARK_MM), last) + tf.stack([4.0, 0.0])
+    marks = tf.minimum(join_bars(mark.astype(float), lengths, _MARK_MM), last) + tf.stack([4.0, 0.0])
     body, scale = place_parts([UNIT_SQUARE * half_size, marks - half_size], context, ruler, turn=ruler.turn)
     colour = hsv_to_rgb(0.1 + 0.05 * numbers[0], ruler.saturation * 0.5)[:, None, None] * (
         0.6 + 0.4 * numbers[1]
