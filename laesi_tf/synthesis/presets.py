@@ -130,6 +130,7 @@ PHONE = Ranges(
         cut_top=(-0.25, 0.25),
         cut_bottom=(-0.25, 0.25),
         scrap=Probability(0.4),
+        empty=Probability(0.08),
     ),
     camera=CameraParams(
         fill=(0.1, 0.88),
@@ -173,9 +174,12 @@ and `phone`, what phones see."""
 
 
 def enable_all_components(ranges: Ranges) -> Ranges:
-    """Return `ranges` with every Probability above 0 at 1: each image has all components that it can have."""
+    """Return `ranges` with every Probability above 0 at 1: each image has all components that it can have.
+
+    None is empty, which would take the leaf away.
+    """
     return dataclasses.replace(
-        ranges,
+        ranges.without_component("empty_sheet"),
         leaf={name: (weight, _make_certain(kind)) for name, (weight, kind) in ranges.leaf.items()},
         **{name: _make_certain(getattr(ranges, name)) for name in PARTS},
     )

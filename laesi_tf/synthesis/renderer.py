@@ -95,10 +95,14 @@ def render_lighting_passes(
 def _prepare_layers(
     scene: Scene, layout: SceneLayout, size: ImageSize, textures: tf.Tensor | None
 ) -> SharedLayers:
-    """Paint sheet, desk and props, and rasterise the edges of the leaf."""
+    """Paint sheet, desk and props, and rasterise the edges of the leaf, if there is one."""
     background = _paint_sheet(scene, layout, size)
     background = draw_props(background, scene, layout, size)
-    return SharedLayers(layout, background, _prepare_leaf(scene, layout, size, textures))
+    painted = layout
+    if "empty_sheet" in scene.components:
+        painted = layout.remove_leaf_if(scene.paper.empty)
+    leaf = _prepare_leaf(scene, painted, size, textures)
+    return SharedLayers(layout._replace(area_cm2=painted.area_cm2), background, leaf)
 
 
 def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:

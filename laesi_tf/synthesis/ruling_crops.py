@@ -22,6 +22,8 @@ _PERIOD_PX = (1.3, 37.0)
 """Pixels per period of the finest lines, log-uniform: what the network's bins hold, and somewhat finer."""
 _BLUR_PX = (0.15, 2.2)
 """Standard deviation of the blur, log-uniform: photos are sharp or soft in pixels, whatever the scale."""
+_CLOSEST_MM = 10.0
+"""Width of the closest crop whose curves are drawn smoothly; at 37 px per half millimetre 192 px show 3 mm."""
 CROP_NUMBERS = 4
 
 
@@ -38,7 +40,7 @@ def render_ruling_crop(
     px_per_mm = period_px / spacing_mm(scene.paper)
     view = crop_view(whole.view, size, place=numbers[1:3], px_per_mm=px_per_mm)
     camera = set_blur(scene.camera, log_uniform(_BLUR_PX, numbers[3]) / px_per_mm)
-    crop = dataclasses.replace(scene, camera=camera)
+    crop = dataclasses.replace(scene, camera=camera, closest_mm=_CLOSEST_MM)
     sample = renderer.render_scene(crop, size, layout=whole._replace(view=view), textures=textures)
     places = view.pixel_centres_to_sheet(size)
     bare = find_printed_sheet(scene, whole.outline, *places) & (sample["mask"] == 0)

@@ -43,6 +43,7 @@ COMPONENTS = (
     "desk",
     "desk_kinds",
     "cut_sheet",
+    "empty_sheet",
     *(name for name, prop in PROPS.items() if not prop.covers_leaf),
     "shadow",
     "surface",
@@ -75,6 +76,7 @@ _SWITCHES = {
     "photographer": ("light", ("photographer",)),
     "glare": ("light", ("glare",)),
     "cut_sheet": ("paper", ("cut", "scrap")),
+    "empty_sheet": ("paper", ("empty",)),
     "lens": ("camera", ("distorted",)),
     "bend": ("camera", ("bent",)),
     "sharpening": ("camera", ("sharpened",)),
@@ -128,6 +130,10 @@ class Ranges:
                 ranges, **{part: dataclasses.replace(getattr(ranges, part), **defaults)}
             )
         return ranges
+
+    def without_component(self, component: str) -> "Ranges":
+        """Return the same ranges without `component` in any image."""
+        return dataclasses.replace(self, without=self.without | {component})
 
     def with_passes(self, passes: int) -> "Ranges":
         """Return the same ranges with another number of lighting passes per leaf."""

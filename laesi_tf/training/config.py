@@ -92,6 +92,13 @@ class TrainConfig:
         "augmentations, separated by commas: all, paper, or any of "
         f"{', '.join(AUGMENTATION_NAMES)}; empty: none",
     )
+    copy_paste: float = option(
+        0.0,
+        "share of training images onto which the leaf of another one is pasted; task mask",
+        low=0.0,
+        high=1.0,
+        metavar="SHARE",
+    )
     lighting_passes: int = option(1, "images of the same leaf in different light", low=1, high=64)
     seed: int = option(0, "seed of scenes and initial weights", low=0, high=2**31 - 1)
     validate_every: int = option(500, "steps between validations", low=1, high=10**9)
@@ -114,6 +121,8 @@ class TrainConfig:
                 f"task {self.task!r} is trained on live scenes in one light; leave out mixture, augment and "
                 "lighting_passes"
             )
+        if self.copy_paste and not TASKS[self.task].needs_masks:
+            raise InputError(f"copy_paste needs the masks of task 'mask'; leave it out for {self.task!r}")
         if self.batch_size % self.lighting_passes:
             raise InputError(
                 f"batch_size = {self.batch_size} must be a multiple of "

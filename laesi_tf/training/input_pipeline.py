@@ -8,6 +8,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.network import check_reachable
 from laesi_tf.data import synthetic, tf_data_service
 from laesi_tf.data.augmentation import augment_sample, augmentation_flags, parse_augmentations
+from laesi_tf.data.copy_paste import paste_leaves
 from laesi_tf.data.leaf_textures import load_textures
 from laesi_tf.data.mixture import Source, load_mixture, mix_sources
 from laesi_tf.synthesis import load_ranges
@@ -15,6 +16,8 @@ from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.tasks import TASKS, make_task
 from laesi_tf.training.trainer import Batches
 
+Example = tuple[tf.Tensor, tf.Tensor]
+"""An image and its target, or a batch of each."""
 BatchStream = Callable[[int], Batches]
 """From the index of the first sample to an endless stream of batches."""
 _VALIDATION_SEED = 0
@@ -35,6 +38,8 @@ class InputPipeline:
         if data_service:
             check_reachable(data_service)
         self._ranges = load_ranges(config.ranges)
+        if TASKS[config.task].needs_leaf:
+            self._ranges = self._ranges.without_component("empty_sheet")
         self._textures = load_textures(config.textures) if config.textures else None
         self._sources = self._open_mixture()
 
@@ -50,8 +55,16 @@ class InputPipeline:
             return _report_data_loss(self._batch(self._make_examples(mixed.enumerate(start))), config.mixture)
         return self._batch(self._live_examples(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1])))
 
-    def _batch(self, examples: tf.data.Dataset) -> tf.data.Dataset:
-        return examples.map(lambda _, example: example).batch(self._config.batch_size).prefetch(2)
+    def _batch(self, numbered: tf.data.Dataset) -> tf.data.Dataset:
+        """Return batches of (image, target) from `numbered` (index, example)."""
+        batches = numbered.batch(self._config.batch_size)
+        if self._config.copy_paste:
+            batches = batches.map(self._paste_leaves, num_parallel_calls=tf.data.AUTOTUNE)
+        return batches.map(lambda _, examples: examples).prefetch(2)
+
+    def _paste_leaves(self, indices: tf.Tensor, examples: Example) -> tuple[tf.Tensor, Example]:
+        seed = tf.stack([tf.cast(self._config.seed, indices.dtype), indices[0]])
+        return indices, paste_leaves(*examples, seed=seed, share=self._config.copy_paste)
 
     def validation_batches(self) -> Batches:
         """Return batches of fresh scenes, the same ones for all runs of a task, size and ranges."""

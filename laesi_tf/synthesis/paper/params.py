@@ -96,3 +96,5 @@ class PaperParams(Generic[Value]):
     scrap: Value = probability(0.0)
     """The sheet is a scrap: `scrap_share` of each distance from the leaf to a side is left."""
     scrap_share: Value = interval(0.05, 0.3)
+    empty: Value = probability(0.0)
+    """No leaf lies on the sheet."""

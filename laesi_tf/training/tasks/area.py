@@ -23,6 +23,7 @@ class AreaTask(Task):
     losses = ("huber", "l1", "mse")
     main_metric = "mre"
     higher_is_better = False
+    needs_leaf = True
     metric_labels: ClassVar = {
         "mre": "mean relative error of the area, MRE (%)",
         "median": "median relative error (%)",

@@ -38,6 +38,8 @@ class Task(abc.ABC):
     higher_is_better: ClassVar[bool]
     needs_masks: ClassVar[bool] = False
     """Whether photos without a mask are left out of a mixture."""
+    needs_leaf: ClassVar[bool] = False
+    """Whether images without a leaf are left out."""
     live_scenes_only: ClassVar[bool] = False
     """Whether only live scenes, neither augmented nor with several lighting passes, have its targets."""
     has_backbone: ClassVar[bool] = True

@@ -1,0 +1,84 @@
+"""Copy-paste augmentation: several leaves in one image (Ghiasi et al., CVPR 2021).
+
+A scene has one leaf; a photo may have more. The leaf of one image of a batch is pasted, smaller and turned,
+onto another, with a shadow of its own. Masks become the union of both leaves.
+"""
+
+import math
+
+import tensorflow as tf
+
+SCALE = (0.35, 1.0)
+"""Size of the pasted leaf relative to its own image, log-uniform; beyond, it would be as soft as no photo."""
+SHADOW_DARKNESS = (0.1, 0.5)
+_SHADOW_SHARE = 1 / 32
+"""Largest displacement and width of the shadow, in images."""
+
+
+def paste_leaves(
+    images: tf.Tensor, masks: tf.Tensor, *, seed: tf.Tensor, share: float
+) -> tuple[tf.Tensor, tf.Tensor]:
+    """Paste the leaf of the image before it onto about `share` of a batch.
+
+    `images` are uint8 [B, H, W, 3], `masks` uint8 [B, H, W] of 0 and 1, `seed` int [2]. Returns both, of the
+    same types.
+    """
+    numbers = tf.unstack(tf.random.stateless_uniform([8, tf.shape(images)[0]], seed))
+    donors = tf.cast(tf.roll(tf.concat([images, 255 * masks[..., None]], -1), 1, 0), tf.float32)
+    height, width = images.shape[1:3]
+    size = tf.constant([width, height], tf.float32)
+    to_donor = _place_leaves(donors[..., 3], size, numbers[:4])
+    pasted = _transform(donors, to_donor)
+    chosen = tf.cast(numbers[4] < share, tf.float32)[:, None, None]
+    coverage = chosen * pasted[..., 3] / 255
+    reach = _SHADOW_SHARE * tf.reduce_max(size)
+    shift = reach * (2 * tf.stack(numbers[5:7], 1) - 1)
+    low, high = SHADOW_DARKNESS
+    darkness = (low + (high - low) * numbers[7])[:, None, None] * _cast_shadow(coverage, shift)
+    background = tf.cast(images, tf.float32) * (1 - darkness[..., None])
+    result = background + coverage[..., None] * (pasted[..., :3] - background)
+    union = tf.maximum(masks, tf.cast(coverage > 0.5, masks.dtype))
+    return tf.cast(result + 0.5, images.dtype), union
+
+
+def _place_leaves(masks: tf.Tensor, size: tf.Tensor, numbers: list[tf.Tensor]) -> tf.Tensor:
+    """Return affine maps [B, 8], from pixels of the result to those of the donors.
+
+    The middle of each leaf of `masks` [B, H, W] gets to a random place of the result; `size` is (width,
+    height).
+    """
+    total = tf.reduce_sum(masks, [1, 2]) + 1e-6
+    middle_x = tf.reduce_sum(masks * (tf.range(size[0]) + 0.5), [1, 2]) / total
+    middle_y = tf.reduce_sum(masks * (tf.range(size[1]) + 0.5)[:, None], [1, 2]) / total
+    low, high = (math.log(scale) for scale in SCALE)
+    shrink = tf.exp(-(low + (high - low) * numbers[0]))
+    angle = 2 * math.pi * numbers[1]
+    c, s = shrink * tf.cos(angle), shrink * tf.sin(angle)
+    place_x, place_y = numbers[2] * size[0], numbers[3] * size[1]
+    zero = tf.zeros_like(c)
+    return tf.stack(
+        [c, -s, middle_x - c * place_x + s * place_y, s, c, middle_y - s * place_x - c * place_y, zero, zero],
+        1,
+    )
+
+
+def _transform(images: tf.Tensor, maps: tf.Tensor) -> tf.Tensor:
+    """Return `images` [B, H, W, C] seen through `maps` [B, 8]; 0 beyond their borders."""
+    transformed = tf.raw_ops.ImageProjectiveTransformV3(
+        images=images,
+        transforms=maps,
+        output_shape=images.shape[1:3],
+        fill_value=0.0,
+        interpolation="BILINEAR",
+        fill_mode="CONSTANT",
+    )
+    return tf.ensure_shape(transformed, images.shape)
+
+
+def _cast_shadow(coverage: tf.Tensor, shift: tf.Tensor) -> tf.Tensor:
+    """Return the shadow [B, H, W] of `coverage` [B, H, W], blurred and shifted by `shift` [B, 2] (x, y)."""
+    width = max(3, math.ceil(_SHADOW_SHARE * max(coverage.shape[1:])))
+    blurred = tf.nn.avg_pool2d(coverage[..., None], width, 1, "SAME")
+    one, zero = tf.ones_like(shift[:, 0]), tf.zeros_like(shift[:, 0])
+    moves = tf.stack([one, zero, shift[:, 0], zero, one, shift[:, 1], zero, zero], 1)
+    return _transform(blurred, moves)[..., 0]
