@@ -10,7 +10,7 @@ from pathlib import Path
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.cli.model_arguments import add_model_arguments, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
@@ -88,7 +88,7 @@ def benchmark_photo(arguments: Sequence[str]) -> None:
     from laesi_tf.benchmarks.photo_speed import format_table, time_photos
     from laesi_tf.estimators.factory import load_estimator
 
-    estimator = load_estimator(options.model, mask_run=options.mask_model)
+    estimator = load_estimator(**model_options(options))
     metrics = time_photos(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
     if options.json is not None:
         write_json(options.json, metrics)
@@ -120,7 +120,7 @@ def benchmark_sensitivity(arguments: Sequence[str]) -> None:
     from laesi_tf.benchmarks import sensitivity
     from laesi_tf.estimators.factory import load_estimator
 
-    estimator = sensitivity.require_tunable(load_estimator(options.model, mask_run=options.mask_model))
+    estimator = sensitivity.require_tunable(load_estimator(**model_options(options)))
     parameters = sensitivity.select_parameters(estimator.params, options.parameters)
     if photos is None:
         labelled = sensitivity.render_photos(options.scenes, seed=options.seed, size=options.size)

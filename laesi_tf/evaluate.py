@@ -12,7 +12,7 @@ from pathlib import Path
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.cli.model_arguments import add_model_arguments, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
 from laesi_tf.common.text import round_for_table, sanitise_text
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str]) -> None:
     load_tensorflow()
     from laesi_tf.estimators.factory import load_estimator
 
-    estimator = load_estimator(options.model, mask_run=options.mask_model)
+    estimator = load_estimator(**model_options(options))
     scores = score_photos(estimator, photos)
     summaries = {name: summarise(group) for name, group in group_by_subset(scores).items()}
     write_csv(table, _HEADER, map(_make_row, scores))
@@ -127,7 +127,7 @@ def _print_report(scores: Sequence[PhotoScore], summaries: Mapping[str, Summary]
     print("photos by method:")
     for method, count in Counter(score.method for score in scores if score.method).most_common():
         print(f"{count:5}  {method}")
-    other = sum(score.photo.grid_mm != 1.0 for score in scores)
+    other = sum(score.photo.grid_mm not in (None, 1.0) for score in scores)
     if other:
         print(f"{other} of {len(scores)} photos are not on 1 mm paper, the domain of models trained on it")
     for score in scores:

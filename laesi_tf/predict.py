@@ -10,7 +10,7 @@ from pathlib import Path
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.model_arguments import add_model_arguments
+from laesi_tf.cli.model_arguments import add_model_arguments, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable
 from laesi_tf.common.errors import InputError
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str]) -> None:
     load_tensorflow()
     from laesi_tf.estimators import factory
 
-    estimator = factory.load_estimator(options.model, mask_run=options.mask_model)
+    estimator = factory.load_estimator(**model_options(options))
     info = PhotoInfo(px_per_mm=options.px_per_mm, grid_mm=options.grid_mm)
     records: list[LeafRecord] = []
     try:
@@ -87,9 +87,8 @@ def _make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--grid-mm",
         type=positive_float,
-        default=1.0,
         metavar="MM",
-        help="distance between the finest lines of the paper",
+        help="distance between the finest lines of the paper (default: millimetres, if heavier lines say so)",
     )
     parser.add_argument(
         "--out",

@@ -40,8 +40,9 @@ _TOGETHER = (
     "test_evaluate",
     "test_golden",
     "test_predict",
-    "test_ruling_reader",
+    "test_ruling_estimator",
     "test_sensitivity",
+    "test_sheet_reader",
 )
 """Files that read rulings: one worker runs them all, since tracing the reader takes over 10 s of CPU."""
 
@@ -77,6 +78,15 @@ def free_memory() -> Iterator[None]:
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):  # a system without glibc
             ctypes.CDLL("libc.so.6").malloc_trim(0)
+
+
+@pytest.fixture(scope="session")
+def sheet_reader() -> Any:
+    """Load the shipped reader of rulings, which is traced once for all tests that read photos."""
+    from laesi_tf.estimators.ruling.sheet_reader import SheetReader
+    from laesi_tf.models.saved_model import PRETRAINED, load_run
+
+    return SheetReader(load_run(PRETRAINED / "ruling").model)
 
 
 @pytest.fixture(scope="session")

@@ -73,7 +73,7 @@ def test_broken_run(fails: Fails, leaf: Path, model: Path, tmp_path: Path) -> No
 
 
 def test_area_model_as_mask_model(fails: Fails, leaf: Path, model: Path) -> None:
-    assert "--task mask" in fails(predict, leaf, "--model", model, "--mask-model", model)
+    assert "--task mask" in fails(predict, leaf, "--mask-model", model)
 
 
 def test_only_bad_photos(fails: Fails, leaf: Path, model: Path, tmp_path: Path) -> None:

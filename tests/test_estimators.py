@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from estimator_conformance import EstimatorConformance
 from green import area_network, disk, mask_network, photo, save_run
-from sheets import drawn, jacobian
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.area_estimator import AreaEstimator
@@ -17,7 +16,6 @@ from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.factory import load_estimator
 from laesi_tf.estimators.leaf_outline import LeafOutlineParams, looks_like_pen
 from laesi_tf.estimators.mask_estimator import MaskEstimator
-from laesi_tf.estimators.ruling_estimator import RulingEstimator
 
 SIZE = (64, 64)
 
@@ -34,57 +32,6 @@ class TestMaskEstimator(EstimatorConformance):
     @classmethod
     def estimator(cls) -> Estimator:
         return MaskEstimator(mask_network(SIZE), SIZE)
-
-
-class TestRulingEstimator(EstimatorConformance):
-    @pytest.fixture(scope="class")
-    @classmethod
-    def estimator(cls) -> Estimator:
-        mask_estimator = MaskEstimator(mask_network((48, 64)), (48, 64))
-        return RulingEstimator(mask_estimator, AreaEstimator(area_network(SIZE), SIZE, "none"))
-
-
-class TestRulingEstimatorWithoutAreaNetwork(EstimatorConformance):
-    @pytest.fixture(scope="class")
-    @classmethod
-    def estimator(cls) -> Estimator:
-        return RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE))
-
-
-def test_ruling_estimator_measures_a_disk_on_drawn_paper() -> None:
-    image, forward = drawn(px_per_mm=5.0, turn=0.4, tilt=(0.1, -0.05))
-    leaf = disk(*image.shape[:2], radius=0.2)
-    image[leaf] = (40, 160, 40)
-    measured = RulingEstimator(MaskEstimator(mask_network((192, 192)), (192, 192))).measure(image)
-    points = np.argwhere(leaf)[:, ::-1] + 0.5
-    true = sum(jacobian(forward, point) for point in points[::20]) * 20 / 100
-    assert measured.refusal is None and measured.method == "ruling x silhouette"
-    assert measured.area_cm2 == pytest.approx(true, rel=0.02)
-    (found,) = measured.leaves
-    assert found.px_per_mm == pytest.approx(5.0, rel=0.02)
-    assert (found.length_mm, found.width_mm) == pytest.approx((48, 48), rel=0.06)
-    assert measured.tilt_deg is not None and measured.to_mm is not None
-    assert found.uncertainty_cm2 is not None and 0.001 * true < found.uncertainty_cm2 < 0.05 * true
-
-
-def test_ruling_estimator_falls_back_and_says_so() -> None:
-    mask_estimator, area_estimator = (
-        MaskEstimator(mask_network(SIZE), SIZE),
-        AreaEstimator(area_network(SIZE), SIZE, "none"),
-    )
-    measured = RulingEstimator(mask_estimator, area_estimator).measure(photo(200, 200))
-    assert measured.method == "regression, no ruling read"
-    assert measured.area_cm2 == area_estimator.measure(photo(200, 200)).area_cm2
-    alone = RulingEstimator(mask_estimator).measure(photo(200, 200))
-    assert alone.refusal is not None and "no ruling" in alone.refusal and alone.mask is not None
-
-
-def test_area_network_runs_once() -> None:
-    area_estimator = AreaEstimator(area_network(SIZE), SIZE, "none")
-    batches, predict = [], area_estimator._predict
-    area_estimator._predict = lambda images: batches.append(len(images)) or predict(images)
-    RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), area_estimator).measure(photo(200, 200))
-    assert batches == [1]
 
 
 def test_area_network_gets_the_whole_photo_with_square_pixels() -> None:
@@ -138,26 +85,28 @@ def test_small_fragments_are_no_leaves() -> None:
 
 def test_no_leaf_is_refused() -> None:
     blank = np.full((100, 100, 3), 240, np.uint8)
-    mask_estimator = MaskEstimator(mask_network(SIZE), SIZE)
-    for estimator in (
-        mask_estimator,
-        RulingEstimator(mask_estimator, AreaEstimator(area_network(SIZE), SIZE, "none")),
-    ):
-        measured = estimator.measure(blank, PhotoInfo(px_per_mm=4.0))
-        assert measured.refusal is not None and "no leaf" in measured.refusal
-        assert measured.mask is not None and not measured.mask.any()
+    measured = MaskEstimator(mask_network(SIZE), SIZE).measure(blank, PhotoInfo(px_per_mm=4.0))
+    assert measured.refusal is not None and "no leaf" in measured.refusal
+    assert measured.mask is not None and not measured.mask.any()
 
 
 @pytest.mark.usefixtures("stand_in_networks")
 def test_load_estimator_follows_the_runs_task(tmp_path: Path) -> None:
     area, mask = save_run(tmp_path / "area", "area"), save_run(tmp_path / "mask", "mask")
     assert load_estimator(area).measure(photo(100, 100)).mask is None
-    assert load_estimator(area, mask_run=mask).measure(photo(100, 100)).mask is not None
+    assert load_estimator(mask_run=mask).measure(photo(100, 100)).mask is not None
+    assert load_estimator(area, mask_run=mask, guess=True).measure(photo(100, 100)).area_cm2 is not None
     assert load_estimator(mask).measure(photo(100, 100)).refusal is not None
     with pytest.raises(InputError, match="--task mask"):
-        load_estimator(area, mask_run=area)
+        load_estimator(mask_run=area)
     with pytest.raises(InputError, match="--task area"):
-        load_estimator(mask, mask_run=mask)
+        load_estimator(mask, mask_run=mask, guess=True)
+    with pytest.raises(InputError, match="--task ruling"):
+        load_estimator(ruling_run=mask)
+    with pytest.raises(InputError, match="without --mask-model"):
+        load_estimator(area, mask_run=mask)
+    with pytest.raises(InputError, match="without --guess"):
+        load_estimator("rule_based", guess=True)
 
 
 @pytest.mark.parametrize("turn", [0, 25, 90])

@@ -31,7 +31,7 @@ def test_every_column(write: WriteManifest) -> None:
     )
     assert (first.area_cm2, first.px_per_mm, first.grid_mm) == (12.5, 4.5, 5.0)
     assert (first.split, first.subset, first.species) == ("test", "easy", "beech")
-    assert (second.mask, second.px_per_mm, second.grid_mm, second.split) == (None, None, 1.0, None)
+    assert (second.mask, second.px_per_mm, second.grid_mm, second.split) == (None, None, None, None)
 
 
 def test_split_is_chosen(write: WriteManifest) -> None:

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from sheets import drawn
 
 from laesi_tf.estimators.base import LeafMeasurement, Measurement
+from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 from laesi_tf.reporting.captions import add_caption, make_contact_sheet
 from laesi_tf.reporting.measurement_overlay import describe_measurement
 from laesi_tf.reporting.overlay import GRID_COLOUR, draw_grid, draw_outlines
@@ -37,17 +37,19 @@ def test_contact_sheet_holds_images_of_any_size() -> None:
     assert [(page == picture[0, 0]).all(axis=2).sum() for picture in pictures] == [2000, 3000, 2500]
 
 
-def test_the_grid_is_parallel_to_the_lines_of_the_sheet() -> None:
-    image, forward = drawn(px_per_mm=6.0, turn=0.2, tilt=(0.1, 0.05))
-    plain = np.full_like(image, 255)
-    grid = draw_grid(plain, forward)[..., 0] < 100
+def test_the_grid_lies_on_every_tenth_line() -> None:
+    parameters = np.zeros(14)
+    # Lines 8 and 10 px apart across and down, turned by 0.2; a lens that bends them.
+    c, s = 300 * np.cos(0.2), 300 * np.sin(0.2)
+    parameters[:9] = [0.3, -0.4, c / 8, s / 8, -s / 10, c / 10, 0.05, 0.02, 0.03]
+    camera = SheetCamera(parameters, np.zeros((14, 14)), (600, 600), step=(2.0, 2.0), pitch_mm=2.0)
+    plain = np.full((600, 600, 3), 255, np.uint8)
+    grid = draw_grid(plain, camera, scale=0.5)[..., 0] < 100
     assert GRID_COLOUR[0] == 0
     rows, columns = np.nonzero(grid)
-    u, v, w = forward @ np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
-    corners = forward @ np.array([[0, 600, 600, 0], [0, 0, 600, 600], [1, 1, 1, 1]])
-    low = (corners[:2] / corners[2]).min(axis=1)
-    off = [np.abs((place - start + 5) % 10 - 5) for place, start in zip((u / w, v / w), low, strict=True)]
-    assert grid.any() and np.minimum(*off).max() < 0.3
+    sheet = camera.to_sheet(np.stack([columns + 0.5, rows + 0.5], 1) / 0.5)
+    off_px = np.abs((sheet + 10) % 20 - 10) / 2 * [8, 10]
+    assert grid.any() and off_px.min(axis=1).max() < 2
 
 
 @pytest.mark.parametrize(("uncertainty", "text"), [(0.0, "2.00 ± 0.00 cm²"), (None, "2.00 cm²")])

@@ -114,7 +114,7 @@ def test_overlays_are_no_photos_of_the_next_run(runs: dict[str, Path], tmp_path:
 
 
 def test_overlay_shows_the_outline_and_is_of_handy_size(runs: dict[str, Path], tmp_path: Path) -> None:
-    models = ["--model", runs["area"], "--mask-model", runs["mask"]]
+    models = ["--model", runs["area"], "--mask-model", runs["mask"], "--guess"]
     predict(tmp_path / "out", save(tmp_path / "a.png", 1800, 2400), *models)
     overlay = np.asarray(Image.open(tmp_path / "out" / "a.overlay.png"))
     assert overlay.shape[1] == 1600 and 1200 < overlay.shape[0] < 1500

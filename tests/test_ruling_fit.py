@@ -136,6 +136,16 @@ def test_squared_paper_has_no_finer_lines_and_an_unknown_pitch(pitch):
     assert np.abs(scale_errors(view, judged(view, reading, grid_mm=pitch))).max() < 2e-3
 
 
+def test_squares_whose_harmonics_are_taken_for_lines():
+    view = View(height=600, width=800)
+    reading = read(view, draw_photo(view, {5.0: 0.8}), pitch_mm=0.5)
+    assert float(reading.finer.factor) == pytest.approx(0.1)
+    assert judged(view, reading).refusal == judge.PITCH_UNKNOWN.format(
+        period=10 * float(reading.votes.period_px)
+    )
+    assert np.abs(scale_errors(view, judged(view, reading, grid_mm=5.0))).max() < 2e-3
+
+
 def test_blur_that_hides_the_finest_lines_is_refused():
     view = View(px_per_mm=3.6)
     photo = draw_photo(view, {1.0: 0.3, 5.0: 0.8, 10.0: 1.0}, blur=3.0)

@@ -24,6 +24,7 @@ from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, Phot
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea, EasyLeafAreaParams
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.parameters import list_parameters, parameter, replace_parameter
+from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator, RulingEstimatorParams
 
 ALL_PARAMS = (RulingEstimatorParams(), EasyLeafAreaParams())
@@ -95,7 +96,7 @@ def test_parameters_are_selected_by_prefix() -> None:
 
 def test_an_estimator_without_parameters_is_refused() -> None:
     assert require_tunable(Constant()).params == Outer()
-    with pytest.raises(InputError, match="--mask-model"):
+    with pytest.raises(InputError, match="--model"):
         require_tunable(AreaEstimator(area_network((64, 64)), (64, 64), "none"))
 
 
@@ -105,16 +106,17 @@ def test_whole_numbers_stay_whole() -> None:
     )
 
 
-def test_estimators_use_the_parameters_that_they_are_given() -> None:
+def test_estimators_use_the_parameters_that_they_are_given(sheet_reader: SheetReader) -> None:
     size = (96, 96)
     mask = MaskEstimator(mask_network(size), size)
     info = PhotoInfo(px_per_mm=4.0)
     coarse = mask.with_params(replace_parameter(mask.params, "outline.min_area_px", 1e9))
     assert coarse.measure(photo(300, 300), info).refusal is not None
     assert mask.measure(photo(300, 300), info).refusal is None
-    ruling = RulingEstimator(mask, AreaEstimator(area_network(size), size, "none"))
-    doubled = ruling.with_params(replace_parameter(ruling.params, "area_network_sd", 0.11))
-    one, other = (estimator.measure(photo(200, 200)) for estimator in (ruling, doubled))
+    guesser = AreaEstimator(area_network(size), size, "none")
+    ruling = RulingEstimator(mask, sheet_reader, guesser=guesser)
+    wider = ruling.with_params(replace_parameter(ruling.params, "guess_factor", 1.8))
+    one, other = (estimator.measure(photo(200, 200)) for estimator in (ruling, wider))
     assert other.uncertainty_cm2 == pytest.approx(2 * (one.uncertainty_cm2 or 0.0))
     blind = ruling.with_params(replace_parameter(ruling.params, "mask.outline.min_area_px", 1e9))
     assert blind.measure(photo(200, 200)).refusal is not None

@@ -7,23 +7,17 @@ from drawn_sheets import View, draw_photo
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.ruling.judge import SheetReading
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
-from laesi_tf.models.saved_model import PRETRAINED, load_run
 
 MILLIMETRES = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
-
-
-@pytest.fixture(scope="module")
-def reader() -> SheetReader:
-    return SheetReader(load_run(PRETRAINED / "ruling").model)
 
 
 def read(reader: SheetReader, photo: np.ndarray) -> SheetReading:
     return reader.read(PhotoPyramid(photo.astype(np.uint8)).overview, grid_mm=None)
 
 
-def test_the_scale_of_millimetre_paper(reader: SheetReader) -> None:
+def test_the_scale_of_millimetre_paper(sheet_reader: SheetReader) -> None:
     view = View(height=720, width=960, px_per_mm=7.0, tilt=(0.15, -0.1))
-    reading = read(reader, draw_photo(view, MILLIMETRES))
+    reading = read(sheet_reader, draw_photo(view, MILLIMETRES))
     assert reading.camera is not None, reading.refusal
     middle = np.array([480.0, 360.0])
     expected = 1 / np.sqrt(view.density(middle[None])[0])
@@ -31,7 +25,29 @@ def test_the_scale_of_millimetre_paper(reader: SheetReader) -> None:
     assert reading.outline is not None and np.ptp(reading.outline, axis=0).min() > 500
 
 
-def test_paper_without_lines_is_refused(reader: SheetReader) -> None:
+def test_paper_without_lines_is_refused(sheet_reader: SheetReader) -> None:
     plain = draw_photo(View(height=720, width=960), {1.0: 0.0}, quality=40)
-    reading = read(reader, plain)
+    reading = read(sheet_reader, plain)
     assert reading.camera is None and reading.refusal is not None
+
+
+@pytest.mark.parametrize("stretch", [1.25, 0.8])
+def test_photos_that_are_stretched(sheet_reader: SheetReader, stretch: float) -> None:
+    view = View(height=720, width=960, px_per_mm=9.0, turn=0.0, stretch=stretch)
+    reading = read(sheet_reader, draw_photo(view, MILLIMETRES))
+    assert reading.camera is not None, reading.refusal
+    middle = np.array([480.0, 360.0])
+    expected = 1 / np.sqrt(view.density(middle[None])[0])
+    assert reading.camera.px_per_mm(middle) == pytest.approx(expected, rel=2e-3)
+
+
+def test_thin_lines_are_looked_at_in_full_resolution(sheet_reader: SheetReader) -> None:
+    """Averaged over two pixels, one-pixel lines 8 px apart make others appear."""
+    photo = np.full((800, 640, 3), 250.0)
+    for period, grey in ((8, 190), (40, 150), (80, 100)):
+        photo[::period] = grey
+        photo[:, ::period] = np.minimum(photo[:, ::period], grey)
+    reading = read(sheet_reader, photo)
+    assert reading.camera is not None, reading.refusal
+    assert reading.camera.px_per_mm(np.array([320.0, 400.0])) == pytest.approx(8.0, rel=2e-3)
+    assert reading.proves_millimetres

@@ -28,10 +28,9 @@ print(f"{leaf.length_mm:.1f} × {leaf.width_mm:.1f} mm at {leaf.px_per_mm:.2f} p
 print(f"tilt {measurement.tilt_deg:.0f}°, method: {measurement.method}")
 
 # %%
-# ``to_mm`` is the homography that was fitted to the ruling. Drawn as a grid of 10 mm it must lie on the
-# printed lines.
+# ``camera`` is what was fitted to the ruling. Every tenth line that it predicts must lie on a printed one.
 
-overlay = draw_grid(image, measurement.to_mm)
+overlay = draw_grid(image, measurement.camera)
 overlay = draw_outlines(overlay, [(leaf.outline, (255, 0, 170))])
 figure, axes = plt.subplots(figsize=(8, 6), layout="constrained")
 axes.imshow(overlay)

@@ -101,7 +101,7 @@ def load_photos(photos: Sequence[Photo]) -> list[LabelledPhoto]:
 def require_tunable(estimator: Estimator) -> TunableEstimator:
     """Return `estimator` if it has parameters. Raises InputError."""
     if not hasattr(estimator, "with_params"):
-        raise InputError("an area model alone has no parameters; add a mask model with --mask-model")
+        raise InputError("an area model alone has no parameters; leave out --model")
     return cast(TunableEstimator, estimator)
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 
 def add_model_arguments(parser: argparse.ArgumentParser) -> None:
@@ -10,9 +11,27 @@ def add_model_arguments(parser: argparse.ArgumentParser) -> None:
         "--model",
         type=Path,
         metavar="RUN|rule_based",
-        help="training run that measures, or Easy Leaf Area's rules, which need a red square of 4 cm2 in the "
-        "photo (default: the runs that come with the package)",
+        help="training run that measures alone, or Easy Leaf Area's rules, which need a red square of 4 cm2 "
+        "in the photo (default: the mask and the ruling model that come with the package)",
     )
     parser.add_argument(
-        "--mask-model", type=Path, metavar="RUN", help="training run of task mask: the ruling is read too"
+        "--mask-model", type=Path, metavar="RUN", help="training run of task mask, which finds the leaves"
     )
+    parser.add_argument(
+        "--ruling-model", type=Path, metavar="RUN", help="training run of task ruling, which finds the lines"
+    )
+    parser.add_argument(
+        "--guess",
+        action="store_true",
+        help="where no ruling can be read, let an area model (--model) guess instead of refusing the photo",
+    )
+
+
+def model_options(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the arguments of `laesi_tf.estimators.factory.load_estimator`."""
+    return {
+        "run": options.model,
+        "mask_run": options.mask_model,
+        "ruling_run": options.ruling_model,
+        "guess": options.guess,
+    }

@@ -18,27 +18,35 @@ _SHADOW_SHARE = 1 / 32
 def paste_leaves(
     images: tf.Tensor, masks: tf.Tensor, *, seed: tf.Tensor, share: float
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Paste the leaf of the image before it onto about `share` of a batch.
+    """Paste the leaf of the next image onto each of the first images of a batch, a `share` of it.
 
     `images` are uint8 [B, H, W, 3], `masks` uint8 [B, H, W] of 0 and 1, `seed` int [2]. Returns both, of the
     same types.
     """
-    numbers = tf.unstack(tf.random.stateless_uniform([8, tf.shape(images)[0]], seed))
-    donors = tf.cast(tf.roll(tf.concat([images, 255 * masks[..., None]], -1), 1, 0), tf.float32)
+    count = tf.cast(tf.math.ceil(share * tf.cast(tf.shape(images)[0], tf.float32)), tf.int32)
+    donors = tf.roll(tf.concat([images, 255 * masks[..., None]], -1), -1, 0)[:count]
+    pasted, coverage = _paste(images[:count], tf.cast(donors, tf.float32), seed)
+    union = tf.maximum(masks[:count], tf.cast(coverage > 0.5, masks.dtype))
+    return tf.concat([pasted, images[count:]], 0), tf.concat([union, masks[count:]], 0)
+
+
+def _paste(images: tf.Tensor, donors: tf.Tensor, seed: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return `images` [n, H, W, 3] with the leaves of `donors` [n, H, W, 4], and their coverage [n, H, W].
+
+    The fourth channel of the donors is their mask, 0 or 255.
+    """
     height, width = images.shape[1:3]
     size = tf.constant([width, height], tf.float32)
-    to_donor = _place_leaves(donors[..., 3], size, numbers[:4])
-    pasted = _transform(donors, to_donor)
-    chosen = tf.cast(numbers[4] < share, tf.float32)[:, None, None]
-    coverage = chosen * pasted[..., 3] / 255
+    numbers = tf.unstack(tf.random.stateless_uniform([7, tf.shape(images)[0]], seed))
+    moved = _transform(donors, _place_leaves(donors[..., 3], size, numbers[:4]))
+    coverage = moved[..., 3] / 255
     reach = _SHADOW_SHARE * tf.reduce_max(size)
-    shift = reach * (2 * tf.stack(numbers[5:7], 1) - 1)
+    shift = reach * (2 * tf.stack(numbers[4:6], 1) - 1)
     low, high = SHADOW_DARKNESS
-    darkness = (low + (high - low) * numbers[7])[:, None, None] * _cast_shadow(coverage, shift)
+    darkness = (low + (high - low) * numbers[6])[:, None, None] * _cast_shadow(coverage, shift)
     background = tf.cast(images, tf.float32) * (1 - darkness[..., None])
-    result = background + coverage[..., None] * (pasted[..., :3] - background)
-    union = tf.maximum(masks, tf.cast(coverage > 0.5, masks.dtype))
-    return tf.cast(result + 0.5, images.dtype), union
+    result = background + coverage[..., None] * (moved[..., :3] - background)
+    return tf.cast(result + 0.5, images.dtype), coverage
 
 
 def _place_leaves(masks: tf.Tensor, size: tf.Tensor, numbers: list[tf.Tensor]) -> tf.Tensor:

@@ -30,8 +30,8 @@ class Photo:
     mask: Path | None = None
     px_per_mm: float | None = None
     """Scale at the leaf's centroid."""
-    grid_mm: float = 1.0
-    """Distance between the finest lines of the paper."""
+    grid_mm: float | None = None
+    """Distance between the finest lines of the paper; None where the manifest does not say it."""
     split: str | None = None
     subset: str | None = None
     species: str | None = None
@@ -104,7 +104,7 @@ def _parse_photo(folder: Path, cells: Mapping[str, str], where: str) -> Photo:
         area_cm2=_parse_positive(cells["area_cm2"], where, "area_cm2"),
         mask=_resolve_inside(folder, cells["mask"], where, "mask") if cells.get("mask") else None,
         px_per_mm=_parse_positive(cells["px_per_mm"], where, "px_per_mm") if cells.get("px_per_mm") else None,
-        grid_mm=_parse_positive(cells["grid_mm"], where, "grid_mm") if cells.get("grid_mm") else 1.0,
+        grid_mm=_parse_positive(cells["grid_mm"], where, "grid_mm") if cells.get("grid_mm") else None,
         split=cells.get("split") or None,
         subset=cells.get("subset") or None,
         species=cells.get("species") or None,

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from laesi_tf.common.arrays import Homography, Mask, Points, RgbImage
+from laesi_tf.common.arrays import Mask, Points, RgbImage
+from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,12 +18,12 @@ class PhotoInfo:
 
     px_per_mm: float | None = None
     """Scale at the leaf's area centroid, such as a scanner's resolution."""
-    grid_mm: float = 1.0
-    """Distance between the finest lines of the paper."""
+    grid_mm: float | None = None
+    """Distance between the finest lines of the paper; None where the lines shall say it."""
 
 
 UNKNOWN = PhotoInfo()
-"""Nothing is known but that the paper is millimetre paper."""
+"""Nothing is known."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,8 +70,8 @@ class Measurement:
     leaves: tuple[LeafMeasurement, ...] = ()
     mask: Mask | None = None
     """bool [H, W] at the photo's size, True on any leaf; None from an estimator without masks."""
-    to_mm: Homography | None = None
-    """Homography [3, 3] from photo pixels to mm on the sheet; None if not found."""
+    camera: SheetCamera | None = None
+    """Maps between photo pixels and the printed lines; None if no ruling was read."""
     tilt_deg: float | None = None
     """Angle between the optical axis and the sheet's normal; None if not found."""
     note: str | None = None

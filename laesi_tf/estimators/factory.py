@@ -1,4 +1,4 @@
-"""Load the estimator that a training run, a pair of runs or the name of a method stands for.
+"""Load the estimator that training runs or the name of a method stand for.
 
 Every estimator is registered here, in `_BY_TASK` or `_WITHOUT_RUN`.
 """
@@ -11,6 +11,7 @@ from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
 from laesi_tf.estimators.mask_estimator import MaskEstimator
+from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
 from laesi_tf.models.saved_model import PRETRAINED, Run, load_run
 
@@ -33,27 +34,45 @@ _WITHOUT_RUN: dict[str, Callable[[], Estimator]] = {"rule_based": EasyLeafArea}
 """Estimators without a network, by the name that stands in place of a run."""
 
 
-def load_estimator(run: Path | str | None = None, *, mask_run: Path | str | None = None) -> Estimator:
-    """Load the estimator for the training run in folder `run`; without one, for the shipped runs.
+def load_estimator(
+    run: Path | str | None = None,
+    *,
+    mask_run: Path | str | None = None,
+    ruling_run: Path | str | None = None,
+    guess: bool = False,
+) -> Estimator:
+    """Load the estimator for the training run in folder `run`; without one, the ruling estimator.
 
     A name of `_WITHOUT_RUN` in place of a run gives that estimator: `rule_based` is Easy Leaf Area, which
-    takes the scale from a red square. A run of task `area` gives the area estimator; with `mask_run`, a run
-    of task `mask`, beside it, the ruling estimator. A run of task `mask` alone gives the mask estimator,
-    which needs a given scale. Raises InputError.
+    takes the scale from a red square. A run of task `area` gives the area estimator, a run of task `mask`
+    the mask estimator, which needs a given scale. The ruling estimator takes `mask_run` and `ruling_run` in
+    place of the shipped runs; with `guess`, the area run `run`, or the shipped one, guesses where no ruling
+    is read. Raises InputError.
     """
+    if run is None or (guess and str(run) not in _WITHOUT_RUN):
+        return _load_ruling_estimator(run, mask_run=mask_run, ruling_run=ruling_run, guess=guess)
+    for option, given in (("--mask-model", mask_run), ("--ruling-model", ruling_run), ("--guess", guess)):
+        if given:
+            raise InputError(f"{run} measures without {option}; leave out one of them")
     if str(run) in _WITHOUT_RUN:
-        if mask_run is not None:
-            raise InputError(f"{run} finds the leaves itself; leave out the mask model {mask_run}")
         return _WITHOUT_RUN[str(run)]()
-    if run is None:
-        run, mask_run = PRETRAINED / "area", mask_run or PRETRAINED / "mask"
-    if mask_run is not None:
-        area, mask = _load_run_of("area", run), _load_run_of("mask", mask_run)
-        return RulingEstimator(_make_mask_estimator(mask), _make_area_estimator(area))
     loaded = load_run(Path(run))
     if loaded.spec.task not in _BY_TASK:
-        raise InputError(f"{run} is a model of task {loaded.spec.task}, which measures no photos")
+        raise InputError(f"{run} is a model of task {loaded.spec.task}, which measures no photos alone")
     return _BY_TASK[loaded.spec.task](loaded)
+
+
+def _load_ruling_estimator(
+    area_run: Path | str | None,
+    *,
+    mask_run: Path | str | None,
+    ruling_run: Path | str | None,
+    guess: bool,
+) -> RulingEstimator:
+    mask = _load_run_of("mask", mask_run or PRETRAINED / "mask")
+    ruling = _load_run_of("ruling", ruling_run or PRETRAINED / "ruling")
+    guesser = _make_area_estimator(_load_run_of("area", area_run or PRETRAINED / "area")) if guess else None
+    return RulingEstimator(_make_mask_estimator(mask), SheetReader(ruling.model), guesser=guesser)
 
 
 def _load_run_of(task: str, path: Path | str) -> Run:

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from laesi_tf.common.arrays import Homography, Mask, Points
+from laesi_tf.common.arrays import Mask, Points
 from laesi_tf.common.geometry import (
     ImageSize,
     Polygon,
-    apply_homography,
-    compute_px_per_mm,
     polygon_centroid,
     polygon_perimeter,
     trace_polygons,
@@ -23,6 +21,7 @@ from laesi_tf.estimators.leaf_shape import measure_polygon
 from laesi_tf.estimators.mask_refinement import MaskRefinementParams, refine_mask
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop
+from laesi_tf.estimators.sheet_map import SheetMap
 
 CUT_OFF = "cut off by the photo's border: at least this much"
 
@@ -82,11 +81,16 @@ class LeafOutline:
         note = CUT_OFF if self.is_cut_off else None
         return LeafMeasurement(outline=self.polygon.outer, holes=self.polygon.holes, note=note)
 
-    def measure(self, to_mm: Homography) -> LeafMeasurement:
-        """Measure the leaf through a homography [3, 3] from photo pixels to millimetres."""
-        outer, *holes = (apply_homography(to_mm, ring) for ring in self.polygon.rings)
+    @property
+    def centroid(self) -> Points:
+        """Centroid [2] of what the outer contour encloses, photo pixels."""
+        return polygon_centroid(self.polygon.outer)
+
+    def measure(self, sheet_map: SheetMap) -> LeafMeasurement:
+        """Measure the leaf where `sheet_map` says that it lies on the sheet."""
+        outer, *holes = (sheet_map.to_sheet(ring) for ring in self.polygon.rings)
         shape = measure_polygon(Polygon(outer, tuple(holes)))
-        px_per_mm = compute_px_per_mm(to_mm, polygon_centroid(self.polygon.outer))
+        px_per_mm = sheet_map.px_per_mm(self.centroid)
         return dataclasses.replace(
             self.without_scale(),
             area_cm2=shape.area / 100,

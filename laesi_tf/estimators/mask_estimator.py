@@ -19,13 +19,14 @@ from laesi_tf.estimators.leaf_outline import (
     paint_masks,
 )
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
+from laesi_tf.estimators.sheet_map import UniformScale
 from laesi_tf.models.inference import compile_inference
 
 METHOD = "mask x given scale"
 NO_LEAF = "no leaf found; show one whole leaf on the paper"
 NO_SCALE = (
     "a mask model alone measures no scale; give it with --px-per-mm (in a manifest: column px_per_mm), or "
-    "name an area model with --model and this one with --mask-model"
+    "name it with --mask-model, so that the ruling is read"
 )
 
 
@@ -66,8 +67,8 @@ class MaskEstimator:
         if info.px_per_mm is None:
             leaves = tuple(outline.without_scale() for outline in outlines)
             return Measurement(method=METHOD, leaves=leaves, mask=mask, refusal=NO_SCALE)
-        to_mm = np.diag([1.0, 1.0, info.px_per_mm])
-        leaves = tuple(outline.measure(to_mm) for outline in outlines)
+        scale = UniformScale(info.px_per_mm)
+        leaves = tuple(outline.measure(scale) for outline in outlines)
         return Measurement(method=METHOD, leaves=leaves, mask=mask)
 
     def detect_leaves(self, pyramid: PhotoPyramid) -> list[LeafCandidate]:

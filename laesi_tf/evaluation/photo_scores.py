@@ -86,7 +86,7 @@ def group_by_subset(scores: Sequence[PhotoScore]) -> dict[str, list[PhotoScore]]
     groups: dict[str, list[PhotoScore]] = {ALL: list(scores)}
     for name in sorted({score.photo.subset for score in scores if score.photo.subset} - {ALL}):
         groups[name] = [score for score in scores if score.photo.subset == name]
-    for grid in sorted({score.photo.grid_mm for score in scores} - {1.0}):
+    for grid in sorted({score.photo.grid_mm or 1.0 for score in scores} - {1.0}):
         groups[f"grid {grid:g} mm"] = [score for score in scores if score.photo.grid_mm == grid]
     return groups
 

@@ -28,8 +28,8 @@ def draw_measurement(image: RgbImage, measurement: Measurement, name: str) -> Rg
     side = min(OVERLAY_SIDE_PX, max(OVERLAY_SIDE_PX // 2, *image.shape[:2]))
     overlay = resize(image, side)
     scale = ImageSize.of(overlay).xy / ImageSize.of(image).xy
-    if measurement.to_mm is not None:
-        overlay = draw_grid(overlay, measurement.to_mm @ np.diag([*(1 / scale), 1.0]))
+    if measurement.camera is not None:
+        overlay = draw_grid(overlay, measurement.camera, scale=scale)
     rings = [(ring * scale, PREDICTED_COLOUR) for leaf in measurement.leaves for ring in leaf.rings]
     overlay = draw_outlines(overlay, rings)
     if len(measurement.leaves) > 1:

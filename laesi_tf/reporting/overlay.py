@@ -1,4 +1,4 @@
-"""Draw outlines and the millimetre grid on photos.
+"""Draw outlines and the lines of the ruling on photos.
 
 Images are uint8 [H, W, 3] RGB throughout, points as in `common.geometry`.
 """
@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from laesi_tf.common.arrays import Homography, Points, RgbImage
+from laesi_tf.common.arrays import Points, RgbImage
 from laesi_tf.common.atomic_files import atomic_write
-from laesi_tf.common.geometry import ImageSize, apply_homography, to_cv2_points
+from laesi_tf.common.geometry import ImageSize, to_cv2_points
+from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 
 Colour = tuple[int, int, int]
 
@@ -25,6 +26,8 @@ OVERLAY_SIDE_PX = 1600
 """Longer side of an overlay: leaf edges are visible, in a fifth of the bytes of a 12-megapixel photo."""
 _MAX_LINES = 200
 """Grid lines in each direction."""
+_POINTS_PER_LINE = 33
+"""A line that a lens bends is drawn through so many points."""
 _SUBPIXEL_BITS = 4
 
 
@@ -45,23 +48,34 @@ def draw_outlines(image: RgbImage, outlines: Sequence[tuple[Points, Colour]]) ->
     return drawn
 
 
-def draw_grid(image: RgbImage, to_mm: Homography, *, step_mm: float = 10.0) -> RgbImage:
-    """Return `image` [H, W, 3] with a square grid of the sheet on it, in perspective.
+def draw_grid(image: RgbImage, camera: SheetCamera, *, scale: Points | float = 1.0) -> RgbImage:
+    """Return `image` [H, W, 3] with every tenth printed line of the sheet on it, as the camera sees them.
 
-    `to_mm` [3, 3] maps pixels to mm on the sheet, up to a translation: lines are parallel to the ruling but
-    need not lie on its lines.
+    `scale` are the pixels of `image` per pixel of the photo that `camera` maps. Whoever looks can check that
+    the drawn lines lie on printed ones.
     """
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]) * ImageSize.of(image).xy
-    on_sheet = apply_homography(to_mm, corners)
-    box = np.stack([on_sheet.min(axis=0), on_sheet.max(axis=0)])
-    to_px = np.linalg.inv(to_mm).astype(np.float64)
+    size = ImageSize.of(image).xy / scale
+    along = np.linspace(0, 1, _POINTS_PER_LINE)
+    border = np.concatenate([[[t, 0], [t, 1], [0, t], [1, t]] for t in along]) * size
+    on_sheet = camera.to_sheet(border)
+    low, high = on_sheet.min(axis=0), on_sheet.max(axis=0)
+    step = 10 * camera.pitch_mm
     drawn, thickness = image.copy(), max(1, max(image.shape[:2]) // 900)
     for axis in (0, 1):
-        for position in np.arange(box[0, axis], box[1, axis], step_mm)[:_MAX_LINES]:
-            ends = box.copy()
-            ends[:, axis] = position
-            start, end = to_cv2_points(apply_homography(to_px, ends)).tolist()
-            cv2.line(drawn, start, end, GRID_COLOUR, thickness, cv2.LINE_AA)
+        first, last = np.ceil(low[axis] / step), np.floor(high[axis] / step)
+        for number in np.arange(first, last + 1)[:_MAX_LINES]:
+            line = low + along[:, None] * (high - low)
+            line[:, axis] = number * step
+            points = camera.to_photo(line)
+            inside = ((points > -size) & (points < 2 * size)).all(axis=1)
+            for start, end in zip(
+                *(np.flatnonzero(np.diff(inside, prepend=False, append=False))[i::2] for i in (0, 1)),
+                strict=True,
+            ):
+                polyline = to_cv2_points(points[start:end] * scale, shift=_SUBPIXEL_BITS)
+                cv2.polylines(
+                    drawn, [polyline], False, GRID_COLOUR, thickness, cv2.LINE_AA, shift=_SUBPIXEL_BITS
+                )
     return drawn
 
 

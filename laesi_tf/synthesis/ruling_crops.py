@@ -23,7 +23,7 @@ _PERIOD_PX = (1.3, 37.0)
 _BLUR_PX = (0.15, 2.2)
 """Standard deviation of the blur, log-uniform: photos are sharp or soft in pixels, whatever the scale."""
 _CLOSEST_MM = 10.0
-"""Width of the closest crop whose curves are drawn smoothly; at 37 px per half millimetre 192 px show 3 mm."""
+"""Width of the closest crop whose curves are smooth; the closest of all, rare ones, show 6 mm."""
 CROP_NUMBERS = 4
 
 

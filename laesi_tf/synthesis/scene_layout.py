@@ -54,7 +54,7 @@ class SceneLayout(NamedTuple):
     area_cm2: tf.Tensor
 
     def remove_leaf_if(self, is_empty: tf.Tensor) -> "SceneLayout":
-        """Return the layout with the leaf shrunk to a point, which paints nothing, where `is_empty` [] bool."""
+        """Return the layout, with the leaf shrunk to a point, which paints nothing, if `is_empty` [] bool."""
         keep = tf.where(is_empty, 0.0, 1.0)
         pose = LeafPose(keep * self.pose.rotation, keep * self.pose.translation)
         return SceneLayout(keep * self.outline, keep * self.holes, pose, self.view, keep * self.area_cm2)

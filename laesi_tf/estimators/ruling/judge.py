@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from laesi_tf.common.arrays import Points
+from laesi_tf.estimators.ruling.line_levels import FINER
 from laesi_tf.estimators.ruling.reading import Reading
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 
@@ -23,6 +24,15 @@ class JudgeParameters:
     """Median power of a family's waves over the noise; lines in one direction give 1 for the other."""
     worst_phase: float = 0.05
     """Median distance of the lines from the fit, periods; 0.03 on the worst of the right ones."""
+    rival_share: float = 0.5
+    """Votes for lines that are finer than the fitted by a whole factor, over those for the fitted ones, from
+    which these are not believed."""
+    same_period: float = 0.07
+    """ln of periods that are the same."""
+    always_finest_mm: float = 3.0
+    """Squares of a named distance from this on have no heavier lines that can pass for them."""
+    widest_mm: float = 700.0
+    """Photos do not show more of a sheet: A3 with a margin, held at arm's length."""
 
 
 PARAMETERS = JudgeParameters()
@@ -32,6 +42,11 @@ NOT_A_SHEET = "the lines do not fit one sheet of paper; lay it flat and photogra
 FINEST_UNCERTAIN = (
     "lines {period:.1f} px apart are read, but finer ones between them could not be seen; go closer, or name "
     "the distance of these lines with --grid-mm"
+)
+FINER_VOTED = "lines {period:.1f} px apart are read, but finer ones between them show in places; go closer"
+NAMED_UNCERTAIN = (
+    "lines {period:.1f} px apart are read, but whether these or finer ones are {grid:g} mm apart could not "
+    "be seen; go closer"
 )
 PITCH_UNKNOWN = (
     "squares {period:.1f} px wide are read, without heavier lines that would tell their size; name it with "
@@ -72,6 +87,15 @@ def name_paper(reading: Reading) -> str:
     return "-".join(str(level) for level in (1, *levels))
 
 
+def votes_for_finer(reading: Reading) -> bool:
+    """Return whether many cells vote for lines between those that were fitted, which may not be excluded."""
+    votes, finer = reading.votes, reading.finer
+    orders = np.array(FINER)[~np.asarray(finer.excluded, bool)] / float(finer.factor)
+    apart = np.abs(np.log(float(votes.period_px) / float(votes.rival_px) / orders[orders > 1]))
+    is_multiple = bool((apart < PARAMETERS.same_period).any())
+    return is_multiple and float(votes.rival_share) > PARAMETERS.rival_share
+
+
 def judge_reading(
     reading: Reading, size: tuple[int, int], step: tuple[float, float], *, grid_mm: float | None
 ) -> SheetReading:
@@ -92,11 +116,17 @@ def judge_reading(
     if int(fit.windows) < p.fewest_windows or float(fit.phase_error) > p.worst_phase:
         return SheetReading(refusal=NOT_A_SHEET)
     paper = name_paper(reading)
-    if grid_mm is None and paper in ("1", "1-2", "1-4"):
+    if votes_for_finer(reading):
+        return SheetReading(refusal=FINER_VOTED.format(period=period), paper=paper)
+    if paper in ("1", "1-2", "1-4"):
         excluded = bool(reading.finer.excluded[1])
         uncertain = (paper == "1-2" or not excluded) and float(reading.finer.factor) < 1.5
-        text = FINEST_UNCERTAIN if uncertain else PITCH_UNKNOWN
-        return SheetReading(refusal=text.format(period=period), paper=paper)
+        if grid_mm is None:
+            text = FINEST_UNCERTAIN if uncertain else PITCH_UNKNOWN
+            return SheetReading(refusal=text.format(period=period), paper=paper)
+        periods = max(size) * float(reading.finer.factor) / float(reading.votes.period_px)
+        if uncertain and grid_mm < p.always_finest_mm and 5 * grid_mm * periods < p.widest_mm:
+            return SheetReading(refusal=NAMED_UNCERTAIN.format(period=period, grid=grid_mm), paper=paper)
     camera = SheetCamera(
         np.asarray(fit.parameters, float),
         np.asarray(fit.covariance, float),

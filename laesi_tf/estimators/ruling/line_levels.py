@@ -33,6 +33,9 @@ class LevelParameters:
     harmonic: float = 20.0
     """The same for one family's waves at quarters or sixths, from which it is taken to be fitted to a
     harmonic."""
+    smooth: float = 0.25
+    """Second differences of ln amplitude along the harmonics of lines with nothing between them; 0.05 on
+    drawn squares."""
     highest: float = 0.47
     """Highest frequency, periods per pixel, that is asked."""
 
@@ -67,7 +70,8 @@ class FinerLines(NamedTuple):
     """What is printed between the fitted lines."""
 
     factor: tf.Tensor
-    """1, 2, 5 or 10: how many times finer lines are printed, float scalar."""
+    """1, 2, 5 or 10: how many times finer lines are printed; 1/5 or 1/10 where only coarser ones are. Float
+    scalar."""
     excess: tf.Tensor
     """[3], of orders 2, 5 and 10: ln of amplitude over expectation, mean of the families."""
     excluded: tf.Tensor
@@ -86,6 +90,11 @@ class HeavierLines(NamedTuple):
     sixths."""
     factors: tf.Tensor
     """[2], by which the families' own finest lines are finer than the fitted: 1, or 5/4 or 5/6."""
+
+    @property
+    def surest(self) -> tf.Tensor:
+        """Strength of the waves at fifths or tenths in the family that shows less of them, scalar."""
+        return tf.reduce_min(tf.reduce_max(self.strength[:2], 0))
 
 
 def sum_in_phase(windows: Windows, predicted: tf.Tensor, ratios: np.ndarray) -> CoherentSum:
@@ -147,6 +156,24 @@ def find_finer(windows: Windows, predicted: tf.Tensor) -> FinerLines:
     return FinerLines(tf.reduce_max(factors), excess, excluded)
 
 
+def find_coarser(windows: Windows, predicted: tf.Tensor) -> tf.Tensor:
+    """10, 5 or 1, float scalar: how many times farther apart the lines are than the fitted waves.
+
+    The cells can take a harmonic of wide squares for lines. Where nothing is printed between the lines, the
+    wave that was fitted is one of a row of harmonics whose strength falls smoothly; lines in between, or
+    doubled ones, would break the row.
+    """
+    rows = [np.array([7, 8, 9, 10, 11], np.float32) / 10, np.array([4, 6, 8, 10, 12], np.float32) / 10]
+    sums = sum_in_phase(windows, predicted, np.concatenate(rows))
+    logs = tf.math.log(tf.maximum(sums.amplitude, sums.error))
+    clear = sums.reachable & (sums.amplitude > PARAMETERS.clear * sums.error)
+    found = []
+    for row, seen in zip(tf.split(logs, 2, 1), tf.split(clear, 2, 1), strict=True):
+        bends = row[:, :-2] + row[:, 2:] - 2 * row[:, 1:-1]
+        found.append(tf.reduce_all(seen) & (tf.reduce_max(tf.abs(bends)) < PARAMETERS.smooth))
+    return tf.where(found[0], 10.0, tf.where(found[1], 5.0, 1.0))
+
+
 def _mean_by_square(low: tf.Tensor, high: tf.Tensor, below: int, order: int, above: int) -> tf.Tensor:
     """Logarithms at orders `below` and `above`, interpolated to `order` as of a Gaussian blur."""
     share = (order**2 - below**2) / (above**2 - below**2)
@@ -169,7 +196,8 @@ def find_heavier(windows: Windows, predicted: tf.Tensor) -> HeavierLines:
     there = (tf.reduce_mean(strength, 1) > p.heavy) & (tf.reduce_min(strength, 1) > p.heavy / 2)
     _, fifths, _, quarters, sixths = tf.unstack(strength)
     wins = fifths[::-1] > p.heavy / 2
-    is_quarter = (quarters > p.harmonic) & (fifths < 0.25 * quarters) & wins
+    # Tens that are doubled as well make waves at quarters of 6/5 and at sixths of 4/5.
+    is_quarter = (quarters > p.harmonic) & (fifths < 0.25 * quarters) & wins & (quarters > sixths)
     is_sixth = (sixths > p.harmonic) & (fifths < 0.25 * sixths) & wins & ~is_quarter
     factors = tf.where(is_quarter, 1.25, tf.where(is_sixth, 5 / 6, 1.0))
     share = tf.reduce_mean(sums.amplitude, 0)

@@ -7,7 +7,14 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT
-from laesi_tf.estimators.ruling.line_levels import FinerLines, HeavierLines, find_finer, find_heavier
+from laesi_tf.estimators.ruling.line_levels import (
+    PARAMETERS,
+    FinerLines,
+    HeavierLines,
+    find_coarser,
+    find_finer,
+    find_heavier,
+)
 from laesi_tf.estimators.ruling.sheet_fit import SheetFit, fit_phases, fit_sheet
 from laesi_tf.estimators.ruling.sheet_waves import predict_waves, window_points
 from laesi_tf.estimators.ruling.spectra import (
@@ -28,6 +35,8 @@ _GRID = np.stack(np.meshgrid(*[np.arange(4, SIDE, 8, dtype=np.float32) - SIDE / 
 """[16, 16, 2], places in a window, pixels from its middle."""
 _COARSEST_PX = 10.0
 """Windows are cut at the finest level whose period is at most this, so that it is 5 to 10 pixels."""
+_SAME = 0.03
+"""Difference of ln factors up to which two readings of the families are one."""
 _ROOM_PX = 256
 """The photo's shorter side has at least this many pixels at the windows' level."""
 
@@ -49,6 +58,17 @@ def choose_level(period: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
     level = tf.math.ceil(tf.math.log(period / _COARSEST_PX) / tf.math.log(2.0))
     room = tf.floor(tf.math.log(tf.reduce_min(size) / _ROOM_PX) / tf.math.log(2.0))
     return tf.cast(tf.clip_by_value(tf.minimum(level, room), 0.0, LEVELS - 1.0), tf.int32)
+
+
+def choose_surer(
+    one: tuple[SheetFit, HeavierLines], other: tuple[SheetFit, HeavierLines]
+) -> tuple[SheetFit, HeavierLines]:
+    """`other` where both of its families show heavier lines and not both of `one` do, or where it alone has
+    both families at all."""
+    (fit, heavier), (other_fit, other_heavier) = one, other
+    is_faint = tf.reduce_min(fit.signal) < 0.25 * tf.reduce_min(other_fit.signal)
+    is_surer = other_heavier.surest > tf.maximum(PARAMETERS.heavy, 2 * heavier.surest)
+    return tf.cond(is_surer | is_faint, lambda: other, lambda: one)
 
 
 def sample_cells(field: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
@@ -85,21 +105,31 @@ def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnsw
     power = compute_power(windows.ink)
     length = windows.step / tf.exp(sample_cells(votes.log_period, windows.middles))
     direction = sample_cells(votes.direction, windows.middles)
-    factors = find_families(power, windows.weights, length, direction)
-    frequency = find_peaks(power, windows.ink, length, direction, factors)
-    noise = measure_noise(power, length[:, None] * tf.exp(factors))
-    fit = fit_sheet(windows, noise, frequency, size)
-    heavier = find_heavier(windows, predict_waves(fit.parameters, window_points(windows, size)[0]))
+
+    def fit_families(factors: tf.Tensor) -> tuple[SheetFit, HeavierLines]:
+        frequency = find_peaks(power, windows.ink, length, direction, factors)
+        noise = measure_noise(power, length[:, None] * tf.exp(factors))
+        fit = fit_sheet(windows, noise, frequency, size)
+        return fit, find_heavier(windows, predict_waves(fit.parameters, window_points(windows, size)[0]))
+
+    square, stretched = find_families(power, windows.weights, length, direction)
+    fit, heavier = fit_families(square)
+    fit, heavier = tf.cond(
+        (tf.reduce_max(tf.abs(square - stretched)) > _SAME) & (heavier.surest < PARAMETERS.heavy),
+        lambda: choose_surer((fit, heavier), fit_families(stretched)),
+        lambda: (fit, heavier),
+    )
     fine_level = choose_level(votes.period_px / 5, size)
     fine = tf.cond(
         fine_level < level, lambda: prepare_windows(pyramid, size, votes, fine_level), lambda: windows
     )
     fine = Windows(*(tf.ensure_shape(new, old.shape) for new, old in zip(fine, windows, strict=True)))
     finer = find_finer(fine, predict_waves(fit.parameters, window_points(fine, size)[0]))
-    is_harmonic = tf.reduce_any(tf.abs(heavier.factors - 1) > 0.1)
+    coarser = find_coarser(windows, predict_waves(fit.parameters, window_points(windows, size)[0]))
+    is_harmonic = tf.reduce_any(tf.abs(heavier.factors - 1) > 0.1) | (coarser > 1.5)
     # Lines of which every fifth or tenth is heavier are the finest already.
     factor = tf.where(is_harmonic | heavier.fifth | heavier.tenth, 1.0, finer.factor)
-    scale = heavier.factors * factor
+    scale = heavier.factors * factor / coarser
     u, v = scale[0], scale[1]
     scaled = fit.parameters * tf.concat([tf.stack([u, v, u, u, v, v]), tf.ones([COUNT - 6])], 0)
 
@@ -111,4 +141,6 @@ def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnsw
         return again, find_heavier(used, predict_waves(again.parameters, points))
 
     fit, heavier = tf.cond(is_harmonic | (factor > 1.5), refit, lambda: (fit, heavier))
-    return Reading(votes, fit, finer._replace(factor=factor), heavier)
+    is_coarser = coarser > 1.5
+    finer = finer._replace(factor=factor / coarser, excluded=finer.excluded | is_coarser)
+    return Reading(votes, fit, finer, heavier)

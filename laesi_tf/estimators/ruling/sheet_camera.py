@@ -66,6 +66,11 @@ class SheetCamera:
         """Scale at a photo `point` [2]: geometric mean over directions."""
         return float(1 / np.sqrt(self.mm2_per_px(point)))
 
+    def distance_mm(self, point: np.ndarray) -> float:
+        """Distance from the camera to the sheet at a photo `point` [2], with a typical focal length."""
+        focal_px = FOCAL * max(self.size) * math.sqrt(self.step[0] * self.step[1])
+        return focal_px / self.px_per_mm(point)
+
     def scale_error(self, point: np.ndarray) -> float:
         """Relative standard deviation of `px_per_mm` at a photo `point` [2].
 

@@ -18,6 +18,7 @@ from laesi_tf.estimators.ruling.judge import SheetReading, judge_reading
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
 from laesi_tf.estimators.ruling.spectra import build_pyramid
 from laesi_tf.estimators.ruling.votes import PARAMETERS as VOTES
+from laesi_tf.estimators.ruling.votes import collect_votes
 from laesi_tf.models.ruling_cells import (
     CELL_PX,
     DIRECTION_BINS,
@@ -32,6 +33,9 @@ _ENOUGH_CELLS = 40
 """Readable cells at a coarse level that make the full resolution superfluous."""
 _MANY_HIDDEN = 0.2
 """Share of the readable cells that may hide finer lines, from which the full resolution is needed."""
+_FINE_PERIOD_PX = 9.0
+"""Frame pixels per period below which coarse levels do not suffice: thin lines that are averaged to less than
+4.5 pixels per period make others appear. Set on 29 November 2026 on `cases`."""
 _FINE_CELLS = FRAME_PX // CELL_PX
 _SURE_OF_AGREEMENT = 0.3
 """Cells of the frame whose mean agreement over levels is above this belong to the ruled sheet."""
@@ -95,14 +99,17 @@ def _no_answers() -> CellAnswers:
 
 
 def needs_full_resolution(coarse: list[CellAnswers]) -> tf.Tensor:
-    """Return whether the coarse levels show too few lines, or lines that may hide finer ones."""
+    """Return whether the coarse levels show too few lines, lines too fine for them, or lines that may hide
+    finer ones."""
     readable = [tf.cast(cells.readable > VOTES.sure, tf.float32) for cells in coarse]
     counts = tf.stack([tf.reduce_sum(flags) for flags in readable])
     hidden = tf.stack(
         [tf.reduce_sum(flags * cells.finest_uncertain) for flags, cells in zip(readable, coarse, strict=True)]
     )
     best = tf.argmax(counts)
-    return (counts[best] < _ENOUGH_CELLS) | (hidden[best] > _MANY_HIDDEN * counts[best])
+    period = collect_votes([_no_answers(), *coarse]).period_px
+    is_unsure = (counts[best] < _ENOUGH_CELLS) | (hidden[best] > _MANY_HIDDEN * counts[best])
+    return is_unsure | (period < _FINE_PERIOD_PX)
 
 
 def outline_sheet(agreement: np.ndarray, overview: Crop) -> Points | None:

@@ -23,22 +23,26 @@ class SearchParameters:
     """Set on 28 November 2026 on `rendered` (split develop) and every ninth photo of semireal's split
     train."""
 
-    ratio_reach: float = 0.14
+    ratio_reach: float = 0.21
     """A family's frequency lies within this, in ln, of what the cells say: unequal pitches differ by 0.22."""
-    ratio_steps: int = 29
+    ratio_steps: int = 43
     turn_reach: float = 0.14
     """Radians between the direction that cells say and the lines."""
     turn_steps: int = 9
     common_spread: float = 0.05
     """Standard deviation of ln of the families' mean frequency about the cells' answer."""
     unequal_spread: float = 0.08
-    """The same of half the difference between the families."""
+    """The same of half the difference between the families, where photos may be stretched."""
+    equal_spread: float = 0.02
+    """The same where pixels are square."""
     peak_reach: float = 0.06
     """A window's own peak lies within this, in ln, of what all windows say; 4/5 and 6/5 waves stay
     outside."""
 
 
 SEARCH = SearchParameters()
+_SAMPLED = np.sort(np.random.default_rng(0).permutation(SIDE - 3)[: SIDE // 8])
+"""Rows and columns that tell the ink's colour; evenly spaced ones would miss lines of the same spacing."""
 
 
 class Windows(NamedTuple):
@@ -104,10 +108,12 @@ def find_ink_colour(pixels: tf.Tensor, weights: tf.Tensor) -> tf.Tensor:
 
     Differences are clipped at twice their mean, so that lines count and edges of leaves do not.
     """
-    near = pixels[:, 4::8, 4::8]
-    differences = tf.concat(
-        [near - pixels[:, 4 + down :: 8, 4 + right :: 8] for down, right in ((3, 0), (0, 3), (2, 2))], -1
-    )
+
+    def sample(down: int, right: int) -> tf.Tensor:
+        return tf.gather(tf.gather(pixels, _SAMPLED + down, axis=1), _SAMPLED + right, axis=2)
+
+    near = sample(0, 0)
+    differences = tf.concat([near - sample(down, right) for down, right in ((3, 0), (0, 3), (2, 2))], -1)
     differences = tf.reshape(differences, [pixels.shape[0], -1, 3])
     typical = tf.reduce_mean(tf.abs(differences), [1, 2], keepdims=True) + 0.1
     differences = tf.clip_by_value(differences, -2 * typical, 2 * typical)
@@ -200,10 +206,13 @@ def measure_waves(ink: tf.Tensor, frequency: tf.Tensor) -> Waves:
     return Waves(z[0], z[1], moments / (2 * np.pi * SPREAD_PX**2))
 
 
-def find_families(power: tf.Tensor, weights: tf.Tensor, length: tf.Tensor, direction: tf.Tensor) -> tf.Tensor:
+def find_families(
+    power: tf.Tensor, weights: tf.Tensor, length: tf.Tensor, direction: tf.Tensor
+) -> tuple[tf.Tensor, tf.Tensor]:
     """ln of the factors [2] between the families' frequencies and what the cells say, common to all windows.
 
-    `length` [N] (periods per pixel) and `direction` [N] (radians) are the cells' answers.
+    `length` [N] (periods per pixel) and `direction` [N] (radians) are the cells' answers. The first result is
+    for square pixels, the second for photos that may be stretched.
     """
     p = SEARCH
     ratios = np.linspace(-p.ratio_reach, p.ratio_reach, p.ratio_steps, dtype=np.float32)
@@ -215,10 +224,14 @@ def find_families(power: tf.Tensor, weights: tf.Tensor, length: tf.Tensor, direc
     total = tf.reduce_sum(weights)
     mean = (ratios[:, None] + ratios) / 2
     difference = (ratios[:, None] - ratios) / 2
-    prior = (mean / p.common_spread) ** 2 + (difference / p.unequal_spread) ** 2
-    joint = score[0][:, None] + score[1] - 0.5 * total * prior
-    best = tf.argmax(tf.reshape(joint, [-1]), output_type=tf.int32)
-    return tf.stack([tf.gather(ratios, best // p.ratio_steps), tf.gather(ratios, best % p.ratio_steps)])
+
+    def find_best(spread: float) -> tf.Tensor:
+        prior = (mean / p.common_spread) ** 2 + (difference / spread) ** 2
+        joint = score[0][:, None] + score[1] - 0.5 * total * prior
+        best = tf.argmax(tf.reshape(joint, [-1]), output_type=tf.int32)
+        return tf.stack([tf.gather(ratios, best // p.ratio_steps), tf.gather(ratios, best % p.ratio_steps)])
+
+    return find_best(p.equal_spread), find_best(p.unequal_spread)
 
 
 def find_peaks(

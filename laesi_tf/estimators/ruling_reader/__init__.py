@@ -1,1 +1,0 @@
-"""The reader of rulings in spectra of patches."""

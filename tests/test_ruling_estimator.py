@@ -1,0 +1,103 @@
+"""The ruling estimator: the shipped reader of rulings with stand-ins for the other networks."""
+
+import cv2
+import numpy as np
+import pytest
+from drawn_sheets import View, draw_photo
+from estimator_conformance import EstimatorConformance
+from green import LEAF, area_network, disk, mask_network, photo
+
+from laesi_tf.estimators.area_estimator import AreaEstimator
+from laesi_tf.estimators.base import Estimator, PhotoInfo
+from laesi_tf.estimators.mask_estimator import MaskEstimator
+from laesi_tf.estimators.ruling.sheet_reader import SheetReader
+from laesi_tf.estimators.ruling_estimator import RulingEstimator
+
+SIZE = (96, 96)
+MILLIMETRES = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
+
+
+@pytest.fixture(scope="module")
+def guesser() -> AreaEstimator:
+    return AreaEstimator(area_network(SIZE), SIZE, "none")
+
+
+@pytest.fixture(scope="module")
+def ruling_estimator(sheet_reader: SheetReader) -> RulingEstimator:
+    return RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), sheet_reader)
+
+
+@pytest.fixture(scope="module")
+def guessing(sheet_reader: SheetReader, guesser: AreaEstimator) -> RulingEstimator:
+    return RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), sheet_reader, guesser=guesser)
+
+
+class TestRulingEstimator(EstimatorConformance):
+    @pytest.fixture(scope="class")
+    @classmethod
+    def estimator(cls, guessing: RulingEstimator) -> Estimator:
+        return guessing
+
+
+def draw_disk(view: View, *, levels: dict[float, float] = MILLIMETRES) -> tuple[np.ndarray, float]:
+    """A photo of a green disk on a ruled sheet, and the disk's area in cm2."""
+    image = draw_photo(view, levels).astype(np.uint8)
+    leaf = disk(view.height, view.width, radius=0.2)
+    image[leaf] = LEAF
+    points = np.argwhere(leaf)[:, ::-1] + 0.5
+    return image, view.density(points).sum() / 100
+
+
+@pytest.mark.parametrize("view", [View(600, 800, tilt=(0.15, -0.1)), View(600, 800, k1=0.03)], ids=str)
+def test_a_disk_is_measured_through_tilt_and_lens(ruling_estimator: RulingEstimator, view: View) -> None:
+    image, true_cm2 = draw_disk(view)
+    measured = ruling_estimator.measure(image)
+    assert measured.refusal is None and measured.method == "ruling x silhouette"
+    assert measured.area_cm2 == pytest.approx(true_cm2, rel=0.02)
+    (found,) = measured.leaves
+    assert (found.length_mm, found.width_mm) == pytest.approx((48, 48), rel=0.06)
+    assert measured.tilt_deg is not None and measured.camera is not None
+    assert found.uncertainty_cm2 is not None
+    assert 0.001 * true_cm2 < found.uncertainty_cm2 < 0.05 * true_cm2
+
+
+def test_the_pitch_of_other_paper_is_asked_for(ruling_estimator: RulingEstimator) -> None:
+    image, true_cm2 = draw_disk(View(600, 800), levels={5.0: 0.8})
+    unknown = ruling_estimator.measure(image)
+    assert unknown.refusal is not None and "--grid-mm" in unknown.refusal
+    named = ruling_estimator.measure(image, PhotoInfo(grid_mm=5.0))
+    assert named.area_cm2 == pytest.approx(true_cm2, rel=0.02)
+
+
+def test_without_a_ruling_the_photo_is_refused(
+    ruling_estimator: RulingEstimator, guessing: RulingEstimator, guesser: AreaEstimator
+) -> None:
+    plain = photo(400, 400)
+    refused = ruling_estimator.measure(plain)
+    assert refused.refusal is not None and "no ruling" in refused.refusal
+    assert refused.mask is not None and refused.leaves[0].outline is not None
+    guessed = guessing.measure(plain)
+    assert guessed.method == "regression, no ruling read"
+    assert guessed.note is not None and "no ruling" in guessed.note
+    assert guessed.area_cm2 == guesser.measure(plain).area_cm2
+    assert guessed.uncertainty_cm2 is not None and guessed.area_cm2 is not None
+    assert guessed.uncertainty_cm2 > 0.1 * guessed.area_cm2
+
+
+def test_no_leaf_is_refused(ruling_estimator: RulingEstimator) -> None:
+    blank = np.full((200, 200, 3), 240, np.uint8)
+    measured = ruling_estimator.measure(blank)
+    assert measured.refusal is not None and "no leaf" in measured.refusal
+    assert measured.mask is not None and not measured.mask.any()
+
+
+def test_what_lies_beside_the_sheet_is_no_leaf(ruling_estimator: RulingEstimator) -> None:
+    view = View(600, 900, px_per_mm=6.0, turn=0.0)
+    image = draw_photo(view, MILLIMETRES).astype(np.uint8)
+    image[:, 520:] = (120, 90, 70)
+    for middle in ((250, 300), (720, 300)):
+        cv2.circle(image, middle, 90, LEAF, -1)
+    measured = ruling_estimator.measure(image)
+    assert measured.refusal is None, measured.refusal
+    (leaf,) = measured.leaves
+    assert leaf.outline is not None and leaf.outline[:, 0].max() < 400
