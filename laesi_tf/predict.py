@@ -17,7 +17,8 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_float
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.text import sanitise_text
-from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
+from laesi_tf.data.decoding import decode_photo
+from laesi_tf.data.file_formats import PHOTO_SUFFIXES
 from laesi_tf.data.prefetch import prefetch
 from laesi_tf.estimators.base import Estimator, PhotoInfo, sum_uncertainties
 from laesi_tf.reporting.leaf_records import LeafRecord, make_records, write_records
