@@ -202,13 +202,13 @@ def tiff() -> Iterator[Entry]:
     yield Entry(
         "two_pages.tif", save(image, "TIFF", save_all=True, append_images=[image.rotate(180)]), "picture"
     )
-    with_thumbnail = io.BytesIO()
-    with tifffile.TiffWriter(with_thumbnail) as writer:
-        writer.write(picture, photometric="rgb", metadata=None, software=False)
-        writer.write(
-            picture[::4, ::4].copy(), photometric="rgb", subfiletype=1, metadata=None, software=False
-        )
-    yield Entry("with_thumbnail.tif", with_thumbnail.getvalue(), "picture")
+    for name, steps in (("with_thumbnail", (1, 4)), ("after_thumbnail", (4, 1))):
+        buffer = io.BytesIO()
+        with tifffile.TiffWriter(buffer) as writer:
+            for step in steps:
+                options = {"photometric": "rgb", "subfiletype": int(step > 1), "metadata": None}
+                writer.write(picture[::step, ::step].copy(), software=False, **options)
+        yield Entry(f"{name}.tif", buffer.getvalue(), "picture")
     yield Entry("floating_point.tif", save_tiff(grey.astype(np.float32)), refusal="floating-point")
     yield Entry("grey32.tif", save_tiff(grey.astype(np.uint32) * 2**23), refusal="more than 16 bits")
 

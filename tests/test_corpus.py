@@ -64,7 +64,8 @@ def test_pages_are_named() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["with_thumbnail.tif", "lzw.tif", "jpeg.jpg", "phone.mpo", "cut.jpg", "none.jpg"]
+    "name",
+    ["with_thumbnail.tif", "after_thumbnail.tif", "lzw.tif", "jpeg.jpg", "phone.mpo", "cut.jpg", "none.jpg"],
 )
 def test_files_of_one_photo_are_named_by_their_path(name: str) -> None:
     assert [str(page) for page in list_pages(CORPUS / name)] == [str(CORPUS / name)]

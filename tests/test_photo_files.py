@@ -69,6 +69,13 @@ def test_a_damaged_page_is_refused_and_the_others_are_measured(tmp_path: Path) -
     assert rows["scan.tif#1"]["area_cm2"] and rows["scan.tif#3"]["area_cm2"]
 
 
+def test_a_cut_file_says_so_after_its_whole_pages(tmp_path: Path) -> None:
+    content = (CORPUS / "two_pages.tif").read_bytes()
+    (tmp_path / "scan.tif").write_bytes(content[: len(content) // 2 + 50])
+    rows = predict(tmp_path / "out", tmp_path / "scan.tif")
+    assert rows["scan.tif#1"]["area_cm2"] and "cannot be decoded as TIFF" in rows["scan.tif#2"]["error"]
+
+
 def test_a_file_of_too_many_pages_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (tiff_photo, decoding):
         monkeypatch.setattr(module, "MAX_IMAGES", 2)

@@ -20,7 +20,7 @@ from pillow_heif import HeifImageFile
 from laesi_tf.common.errors import InputError
 from laesi_tf.data import file_formats
 from laesi_tf.data.heif_header import read_coded_sizes
-from laesi_tf.data.tiff_photo import MAX_IMAGES, TiffPhoto, restore_dropped_bits
+from laesi_tf.data.tiff_photo import MAX_IMAGES, TiffPhoto, find_pages, restore_dropped_bits
 from laesi_tf.data.upright_pixels import orient_size, read_orientation, to_upright_grey, to_upright_rgb
 
 # Phone sensors go to 200 megapixels (16320 x 12240), an A4 page at 1200 dpi has 139. It is compared with the
@@ -31,7 +31,7 @@ from laesi_tf.data.upright_pixels import orient_size, read_orientation, to_uprig
 # that the user gives refers to the file's pixels, and memory is bounded without it.
 MAX_PIXELS = 200_000_000
 
-# Decoding takes up to 7 bytes a pixel. Two photos of more pixels than this are not decoded at the same time.
+# Decoding takes 7 to 11 bytes a pixel. Two photos of more pixels than this are not decoded at the same time.
 _LARGE_PIXELS = 50_000_000
 _large_photo = threading.Lock()
 
@@ -47,12 +47,12 @@ _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
 """How a URL begins, also one whose double slash a Path has made a single one; not a drive's letter."""
 
 
-def decode_photo(path: Path | str, *, page: int = 0) -> NDArray[np.uint8]:
+def decode_photo(path: Path | str, *, page: int | None = None) -> NDArray[np.uint8]:
     """Decode the photo at `path` to uint8 [H, W, 3] sRGB, upright, at full resolution, not writable.
 
-    `page` is the index of an image in a TIFF (see `list_pages`). Transparent pixels become white: somebody
-    cut them away, the paper is white, and the colour stored under a transparent pixel means nothing. Deeper
-    pixels are scaled to 8 bits, not clipped. Raises InputError.
+    `page` is the index of an image in a TIFF (see `list_pages`), by default that of its first page.
+    Transparent pixels become white: somebody cut them away, the paper is white, and the colour stored under a
+    transparent pixel means nothing. Deeper pixels are scaled to 8 bits, not clipped. Raises InputError.
     """
     with _open_image(path, page) as image, _decode_pixels(image, Path(path)):
         return to_upright_rgb(image)
@@ -89,7 +89,7 @@ def require_path(text: str) -> Path:
 
 
 @contextlib.contextmanager
-def _open_image(path: Path | str, page: int = 0) -> Iterator[Image.Image]:
+def _open_image(path: Path | str, page: int | None = None) -> Iterator[Image.Image]:
     """Open `path`, check its header and yield the image, not decoded; turn every error into InputError."""
     kind = ""
     try:
@@ -100,7 +100,8 @@ def _open_image(path: Path | str, page: int = 0) -> Iterator[Image.Image]:
         if name := file_formats.name_format(header):
             kind = f" as {name}"
         with _PILLOW_LIMIT, _open_format(path, header) as image:
-            _select_page(image, path, page)
+            if isinstance(image, TiffPhoto):
+                _select_page(image, path, page)
             _require_size(path, image.width, image.height)
             yield image
     except InputError:
@@ -140,13 +141,14 @@ def _open_format(path: Path, header: bytes) -> Image.Image:
     return Image.open(path, formats=FORMATS)
 
 
-def _select_page(image: Image.Image, path: Path, page: int) -> None:
-    if isinstance(image, TiffPhoto) and image.is_raw:
+def _select_page(image: TiffPhoto, path: Path, page: int | None) -> None:
+    if image.is_raw:
         raise InputError(file_formats.raw_message(path, path.suffix.lower()))
+    if page is None:
+        page = find_pages(path)[0] if image.is_reduced else 0
     if page >= MAX_IMAGES:
         raise InputError(f"{path} has more than {MAX_IMAGES} images; split it into several files")
-    if page:
-        image.seek(page)
+    image.seek(page)
 
 
 class _PillowLimit:

@@ -50,7 +50,13 @@ class TiffPhoto(TiffImagePlugin.TiffImageFile):
     @property
     def is_raw(self) -> bool:
         """Whether this is a camera's raw file, whose first image is only a preview."""
-        return _DNG_VERSION in self.tag_v2 or (_SUB_IFDS in self.tag_v2 and _is_reduced(self))
+        return _DNG_VERSION in self.tag_v2 or (_SUB_IFDS in self.tag_v2 and self.is_reduced)
+
+    @property
+    def is_reduced(self) -> bool:
+        """Whether the page is a smaller copy of another, or a transparency mask."""
+        kind = self.tag_v2.get(_NEW_SUBFILE_TYPE, 0)
+        return bool(isinstance(kind, int) and kind & 0b101) or self.tag_v2.get(_SUBFILE_TYPE) == 2
 
     @property
     def has_dropped_bytes(self) -> bool:
@@ -94,23 +100,20 @@ def choose_white(brightest: int) -> int:
 def find_pages(path: Path) -> list[int]:
     """Return the index of each page of the TIFF at `path`, without thumbnails, masks and smaller copies.
 
-    The last index may be MAX_IMAGES, which stands for all further ones. A damaged directory ends the list.
-    Raises what Pillow raises if not even the first image can be opened.
+    The last index may be MAX_IMAGES, which stands for all further ones, or that of a damaged page, behind
+    which none can be found. Raises what Pillow raises if not even the first image can be opened.
     """
     pages = []
     with TiffPhoto(path) as image:
         for index in range(MAX_IMAGES + 1):
             try:
                 image.seek(index)
-            # Pillow raises EOFError behind the last image, and almost anything for a damaged one.
-            except Exception:
+            except EOFError:  # There are no more.
                 break
-            if not _is_reduced(image):
+            # Pillow raises almost anything for a damaged one.
+            except Exception:
+                pages.append(index)
+                break
+            if not image.is_reduced:
                 pages.append(index)
     return pages or [0]
-
-
-def _is_reduced(image: TiffPhoto) -> bool:
-    """Return whether the page is a smaller copy of another, or a transparency mask."""
-    kind = image.tag_v2.get(_NEW_SUBFILE_TYPE, 0)
-    return bool(isinstance(kind, int) and kind & 0b101) or image.tag_v2.get(_SUBFILE_TYPE) == 2
