@@ -92,7 +92,7 @@ def choose_white(brightest: int) -> int:
 
     Cameras and scanners of 10, 12 and 14 bits store their numbers unchanged in 16-bit samples, and no tag
     says so. The data do: white is the largest number of the fewest of 8, 10, 12, 14 and 16 bits that hold
-    the brightest pixel. A photo that is exposed so that paper is not grey is not misjudged.
+    the brightest pixel. An underexposed photo, with paper darker than a quarter of white, becomes brighter.
     """
     return next(2**bits - 1 for bits in (8, 10, 12, 14, 16) if brightest < 2**bits)
 
