@@ -17,7 +17,9 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_float
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.text import sanitise_text
-from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
+from laesi_tf.data.decoding import decode_photo, require_path
+from laesi_tf.data.file_formats import PHOTO_SUFFIXES
+from laesi_tf.data.photo_pages import PhotoPage, list_pages
 from laesi_tf.data.prefetch import prefetch
 from laesi_tf.estimators.base import Estimator, PhotoInfo, sum_uncertainties
 from laesi_tf.reporting.leaf_records import LeafRecord, make_records, write_records
@@ -28,7 +30,7 @@ _OVERLAY = ".overlay.png"
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError, also when not a single photo can be read."""
     options = _make_parser().parse_args(arguments)
-    photos = list(dict.fromkeys(_list_photos(options.photos)))
+    photos = list(dict.fromkeys(_list_photos([require_path(text) for text in options.photos])))
     table = options.out / "areas.csv"
     require_writable(table)
     load_tensorflow()
@@ -55,15 +57,16 @@ def measure_photos(
 ) -> Iterator[list[LeafRecord]]:
     """Measure `photos`, write an overlay of each into the folder `out` and yield its records.
 
-    A file that cannot be read becomes a record with an error. Raises InputError where `out` cannot be
-    written.
+    Each page of a TIFF is a photo. A photo that cannot be read becomes a record with an error. Raises
+    InputError where `out` cannot be written.
     """
     from laesi_tf.reporting.measurement_overlay import draw_measurement
     from laesi_tf.reporting.overlay import write_png
 
-    names = _name_overlays(photos)
-    decoded = progress_bar(prefetch(decode_photo, photos), total=len(photos), desc="measuring", unit="photo")
-    for photo, image in decoded:
+    pages = [page for photo in photos for page in list_pages(photo)]
+    names = _name_overlays(pages)
+    loaded = prefetch(lambda page: decode_photo(page.path, page=page.index), pages)
+    for photo, image in progress_bar(loaded, total=len(pages), desc="measuring", unit="photo"):
         if isinstance(image, InputError):
             yield [LeafRecord(photo=str(photo), error=str(image))]
             continue
@@ -74,9 +77,7 @@ def measure_photos(
 
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("predict", __doc__)
-    parser.add_argument(
-        "photos", nargs="+", type=Path, metavar="PHOTO", help="a photo, or a folder of photos"
-    )
+    parser.add_argument("photos", nargs="+", metavar="PHOTO", help="a photo, or a folder of photos")
     add_model_arguments(parser)
     parser.add_argument(
         "--px-per-mm",
@@ -112,16 +113,18 @@ def _list_photos(arguments: Sequence[Path]) -> Iterator[Path]:
             raise InputError(f"cannot list {argument}: {error.strerror}; check its permissions") from None
         photos = [path for path in files if not path.name.endswith(_OVERLAY)]
         if not photos:
-            raise InputError(f"folder {argument} has no photo in it; name one with JPEG, PNG or TIFF files")
+            raise InputError(f"folder {argument} has no photo in it; name one with JPEG, HEIC or TIFF files")
         yield from photos
 
 
-def _name_overlays(photos: Sequence[Path]) -> dict[Path, str]:
+def _name_overlays(photos: Sequence[PhotoPage]) -> dict[PhotoPage, str]:
     """Return a file name for each photo's overlay; photos of the same name, case ignored, are numbered."""
     taken: set[str] = set()
-    names: dict[Path, str] = {}
+    names: dict[PhotoPage, str] = {}
     for photo in photos:
-        stem = photo.stem[:50]  # A name has at most 255 bytes, a letter up to four.
+        stem = photo.path.stem[:50]  # A name has at most 255 bytes, a letter up to four.
+        if photo.number is not None:
+            stem += f"-page{photo.number}"
         name, number = stem + _OVERLAY, 1
         while name.lower() in taken:
             number += 1

@@ -1,5 +1,6 @@
 """Run a command: exit status, error and warning messages."""
 
+import logging
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -14,8 +15,10 @@ def run_command(main: Callable[[Sequence[str]], None]) -> None:
     traceback and ends with status 1.
     """
     warnings.showwarning = _print_warning
-    # Pillow warns of damaged metadata and of large images; neither prevents a measurement.
+    # Pillow warns of damaged metadata and of large images; neither prevents a measurement. What it logs about
+    # damaged files is in our message.
     warnings.filterwarnings("ignore", module=r"PIL\.")
+    logging.getLogger("PIL").setLevel(logging.CRITICAL)
     try:
         main(sys.argv[1:])
     except InputError as error:

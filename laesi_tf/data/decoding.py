@@ -1,56 +1,61 @@
 """Decode photos from phones, scanners and browsers safely.
 
-Every photo becomes uint8 [H, W, 3] RGB, upright (EXIF orientation applied), at the file's full resolution,
-since the ruling needs it. A file that cannot be used raises InputError with one line that says what, where
-and what to do; no bytes raise anything else.
+Every photo becomes uint8 [H, W, 3] sRGB, upright (orientation applied), at the file's full resolution, since
+the ruling needs it. A file that cannot be used raises InputError with one line that says what, where and what
+to do; no bytes raise anything else.
 """
 
 import contextlib
+import errno
+import re
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
+from pillow_heif import HeifImageFile
 
 from laesi_tf.common.errors import InputError
+from laesi_tf.data import file_formats
+from laesi_tf.data.heif_header import read_coded_sizes
+from laesi_tf.data.tiff_photo import MAX_IMAGES, TiffPhoto, find_pages, restore_dropped_bits
+from laesi_tf.data.upright_pixels import orient_size, read_orientation, to_upright_grey, to_upright_rgb
 
-# Phone sensors go to 108 megapixels (12000 x 9000) in ordinary use; 120 leaves room for them and limits the
-# worst file to 360 MB of pixels. It is compared with the header, so a 0.75 MB PNG that claims 16000 x 16000
-# costs nothing. Pillow itself refuses 179 megapixels.
-MAX_PIXELS = 120_000_000
+# Phone sensors go to 200 megapixels (16320 x 12240), an A4 page at 1200 dpi has 139. It is compared with the
+# header, so a 0.75 MB PNG that claims 16000 x 16000 costs nothing.
+#
+# JPEG's draft mode, which decodes a photo at half its size or less, is not used, although the overview of a
+# photo has 1536 pixels at most. Leaves and ruling are measured in crops at full resolution, a scale or a mask
+# that the user gives refers to the file's pixels, and memory is bounded without it.
+MAX_PIXELS = 200_000_000
+
+# Decoding takes 7 to 11 bytes a pixel. Two photos of more pixels than this are not decoded at the same time.
+_LARGE_PIXELS = 50_000_000
+_large_photo = threading.Lock()
+
+# Of the formats that are read as a whole; none of them makes a photo of MAX_PIXELS larger than its pixels.
+_MAX_BYTES = 3 * MAX_PIXELS
 
 # Not here: Pillow's readers that start other programs (EPS), and those of formats that neither a camera nor a
-# scanner writes. Pillow opens MPO, a phone's JPEG with a second image, as JPEG.
-FORMATS = ("JPEG", "PNG", "TIFF", "GIF", "WEBP", "BMP")
+# scanner writes. Pillow opens MPO and Ultra HDR, a JPEG with further images behind it, as JPEG. TIFF and HEIC
+# have readers of their own below.
+FORMATS = ("JPEG", "PNG", "GIF", "WEBP", "BMP", "AVIF")
 
-# A file in a folder is a photo if it has one of these suffixes. HEIC, AVIF and raw files are here so that
-# they are reported as unreadable instead of being ignored.
-PHOTO_SUFFIXES = frozenset(
-    {".jpg", ".jpeg", ".jpe", ".mpo", ".png", ".tif", ".tiff", ".gif", ".webp", ".bmp"}
-    | {".heic", ".heif", ".avif", ".dng", ".cr2", ".nef", ".arw"}
-)
-
-_ORIENTATION_TAG = 0x0112
-_TRANSPOSITIONS = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
+"""How a URL begins, also one whose double slash a Path has made a single one; not a drive's letter."""
 
 
-def decode_photo(path: Path | str) -> NDArray[np.uint8]:
-    """Decode the photo at `path` to uint8 [H, W, 3] RGB, upright, at full resolution, not writable.
+def decode_photo(path: Path | str, *, page: int | None = None) -> NDArray[np.uint8]:
+    """Decode the photo at `path` to uint8 [H, W, 3] sRGB, upright, at full resolution, not writable.
 
+    `page` is the index of an image in a TIFF (see `list_pages`), by default that of its first page.
     Transparent pixels become white: somebody cut them away, the paper is white, and the colour stored under a
     transparent pixel means nothing. Deeper pixels are scaled to 8 bits, not clipped. Raises InputError.
     """
-    with _open_image(path) as image:
-        return np.asarray(_convert_mode(_decode_upright(image, background="white"), "RGB"))
+    with _open_image(path, page) as image, _decode_pixels(image, Path(path)):
+        return to_upright_rgb(image)
 
 
 def decode_mask(path: Path | str) -> NDArray[np.bool_]:
@@ -60,8 +65,8 @@ def decode_mask(path: Path | str) -> NDArray[np.bool_]:
     common as masks of 0 and 255. Transparent pixels are not leaf. Raises InputError, also for a mask
     without any leaf.
     """
-    with _open_image(path) as image:
-        grey = np.asarray(_convert_mode(_decode_upright(image, background="black"), "L"))
+    with _open_image(path) as image, _decode_pixels(image, Path(path)):
+        grey = to_upright_grey(image)
     if not grey.any():
         raise InputError(f"mask {path} has no leaf in it; paint the leaf white on black")
     return grey > grey.max() / 2
@@ -70,33 +75,107 @@ def decode_mask(path: Path | str) -> NDArray[np.bool_]:
 def read_upright_size(path: Path | str) -> tuple[int, int]:
     """Read the (height, width) that `decode_photo` would give, from the header alone. Raises InputError."""
     with _open_image(path) as image:
-        width, height = image.size
         # Pillow itself rotates the size of a TIFF.
-        is_transposed = image.format != "TIFF" and _exif_orientation(image) in (5, 6, 7, 8)
-        return (width, height) if is_transposed else (height, width)
+        return orient_size(image.size, 1 if image.format == "TIFF" else read_orientation(image))
+
+
+def require_path(text: str) -> Path:
+    """Return `text` as a path. Raises InputError if it is empty, or a URL, of which Path drops a slash."""
+    if not text:
+        raise InputError("'' names nothing; name a photo or a folder")
+    if _URL.match(text) and not Path(text).exists():
+        raise InputError(f"{text} is a URL, and URLs are not opened; save the photo and name its file")
+    return Path(text)
 
 
 @contextlib.contextmanager
-def _open_image(path: Path | str) -> Iterator[Image.Image]:
+def _open_image(path: Path | str, page: int | None = None) -> Iterator[Image.Image]:
     """Open `path`, check its header and yield the image, not decoded; turn every error into InputError."""
-    path = Path(path)
+    kind = ""
     try:
+        path = require_path(str(path))
         _require_file(path)
-        with Image.open(path, formats=FORMATS) as image:
-            if image.width * image.height > MAX_PIXELS:
-                raise InputError(_too_large_message(path, f"{image.width} x {image.height} pixels"))
+        header = file_formats.read_header(path)
+        file_formats.refuse_unsupported(path, header)
+        if name := file_formats.name_format(header):
+            kind = f" as {name}"
+        with _PILLOW_LIMIT, _open_format(path, header) as image:
+            if isinstance(image, TiffPhoto):
+                _select_page(image, path, page)
+            _require_size(path, image.width, image.height)
             yield image
     except InputError:
         raise
     except UnidentifiedImageError:
-        raise InputError(_unknown_format_message(path)) from None
+        raise InputError(file_formats.unknown_format_message(Path(path))) from None
     except Image.DecompressionBombError:
-        raise InputError(_too_large_message(path, "over 178 megapixels")) from None
+        claim = f"over {2 * MAX_PIXELS // 1_000_000} megapixels"
+        raise InputError(_too_large_message(Path(path), claim)) from None
     # Hostile bytes make Pillow raise almost anything: SyntaxError, struct.error, KeyError, OverflowError.
     except Exception as error:
-        reason = error.strerror if isinstance(error, OSError) else None
-        what = f"cannot read {path}: {reason}" if reason else f"{path} cannot be decoded ({error})"
-        raise InputError(f"{what}; copy it again or save it as JPEG or PNG") from None
+        raise InputError(_error_message(Path(path), error, kind)) from None
+
+
+@contextlib.contextmanager
+def _decode_pixels(image: Image.Image, path: Path) -> Iterator[None]:
+    """Decode `image`, and let no other large photo be decoded inside this context."""
+    is_large = image.width * image.height > _LARGE_PIXELS
+    with _large_photo if is_large else contextlib.nullcontext():
+        image.load()
+        if isinstance(image, TiffPhoto) and image.has_dropped_bytes:
+            restore_dropped_bits(image, path)
+        yield
+
+
+def _open_format(path: Path, header: bytes) -> Image.Image:
+    """Open the image of any format that is read. Raises whatever Pillow raises."""
+    size = path.stat().st_size
+    if file_formats.is_read_whole(header) and size > _MAX_BYTES:
+        raise InputError(_too_large_message(path, f"{size / 1e6:.0f} MB"))
+    if file_formats.is_heif(header):
+        for width, height in read_coded_sizes(path):
+            _require_size(path, width, height)
+        return HeifImageFile(path)  # type: ignore[no-untyped-call]
+    if file_formats.is_tiff(header):
+        return TiffPhoto(path)
+    return Image.open(path, formats=FORMATS)
+
+
+def _select_page(image: TiffPhoto, path: Path, page: int | None) -> None:
+    if image.is_raw:
+        raise InputError(file_formats.raw_message(path, path.suffix.lower()))
+    if page is None:
+        page = find_pages(path)[0] if image.is_reduced else 0
+    if page >= MAX_IMAGES:
+        raise InputError(f"{path} has more than {MAX_IMAGES} images; split it into several files")
+    image.seek(page)
+
+
+class _PillowLimit:
+    """Let Pillow open MAX_PIXELS inside this context, in any number of threads.
+
+    Its own limit, 179 megapixels, is a setting of the process: it is put back for the program's other uses.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._users = 0
+        self._before: int | None = None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._users:
+                self._before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, MAX_PIXELS
+            self._users += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._users -= 1
+            if not self._users:
+                Image.MAX_IMAGE_PIXELS = self._before
+
+
+_PILLOW_LIMIT = _PillowLimit()
 
 
 def _require_file(path: Path) -> None:
@@ -108,14 +187,9 @@ def _require_file(path: Path) -> None:
         raise InputError(f"{path} is empty (0 bytes); copy it again from the camera")
 
 
-def _unknown_format_message(path: Path) -> str:
-    with path.open("rb") as file:
-        if file.read(8)[4:] == b"ftyp":
-            return (
-                f"{path} is a HEIC, AVIF or video file, which is not supported; convert it to JPEG "
-                "(iPhone: Settings, Camera, Formats, Most Compatible)"
-            )
-    return f"{path} is not an image in a known format; save it as JPEG, PNG, TIFF, WebP, GIF or BMP"
+def _require_size(path: Path, width: int, height: int) -> None:
+    if width * height > MAX_PIXELS:
+        raise InputError(_too_large_message(path, f"{width} x {height} pixels"))
 
 
 def _too_large_message(path: Path, claim: str) -> str:
@@ -123,46 +197,10 @@ def _too_large_message(path: Path, claim: str) -> str:
     return f"{path} claims {claim}, more than the limit of {limit} megapixels; make it smaller"
 
 
-def _exif_orientation(image: Image.Image) -> int:
-    """Return the EXIF orientation 1..8; 1 if the metadata is damaged, which says nothing about the pixels."""
-    try:
-        return int(image.getexif().get(_ORIENTATION_TAG, 1))
-    except Exception:
-        return 1
-
-
-def _decode_upright(image: Image.Image, *, background: str) -> Image.Image:
-    """Decode `image`, rotate it as its EXIF orientation says, reduce it to 8 bits, without transparency."""
-    # Pillow rotates a TIFF on loading and then drops the tag, so read the tag afterwards.
-    image.load()
-    transposition = _TRANSPOSITIONS.get(_exif_orientation(image))
-    upright = image if transposition is None else image.transpose(transposition)
-    return _flatten_transparency(_to_eight_bit(upright), background)
-
-
-def _to_eight_bit(image: Image.Image) -> Image.Image:
-    """Scale 16-bit grey to 8 bits; Pillow's own conversion would clip everything above 255 to white.
-
-    16-bit colour needs nothing: Pillow keeps the high byte of each channel while it decodes.
-    """
-    if image.mode == "F":
-        raise ValueError("its pixels are floating-point numbers, which have no defined white")
-    if not image.mode.startswith("I"):
-        return image
-    values = np.asarray(image).astype(np.int64)
-    if values.min() < 0 or values.max() > 65535:
-        raise ValueError("its pixels have more than 16 bits, which have no defined white")
-    return Image.fromarray(((values * 255 + 32767) // 65535).astype(np.uint8))
-
-
-def _flatten_transparency(image: Image.Image, background: str) -> Image.Image:
-    """Composite transparency of any kind (channel, palette entry, key colour) over `background`."""
-    if not image.has_transparency_data:
-        return image
-    layer = _convert_mode(image, "RGBA")
-    return Image.alpha_composite(Image.new("RGBA", layer.size, background), layer)
-
-
-def _convert_mode(image: Image.Image, mode: str) -> Image.Image:
-    """Convert `image` to `mode`; Pillow would copy one that has it already."""
-    return image if image.mode == mode else image.convert(mode)
+def _error_message(path: Path, error: Exception, kind: str) -> str:
+    if isinstance(error, OSError) and error.errno in (errno.EACCES, errno.EPERM):
+        return f"cannot read {path}: {error.strerror}; allow its reading, for example with chmod u+r"
+    if isinstance(error, OSError) and error.strerror:
+        return f"cannot read {path}: {error.strerror}; check the path and the disk"
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return f"{path} cannot be decoded{kind} ({reason}); copy it again or save it as JPEG or PNG"

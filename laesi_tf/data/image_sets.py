@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.data.dataset_spec import SPEC_FILE, read_spec
-from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
+from laesi_tf.data.decoding import decode_photo
+from laesi_tf.data.file_formats import PHOTO_SUFFIXES
 from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.data.manifest import MANIFEST_FILE, read_manifest
 from laesi_tf.data.prefetch import prefetch

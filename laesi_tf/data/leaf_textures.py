@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.errors import InputError
-from laesi_tf.data.decoding import PHOTO_SUFFIXES, decode_photo
+from laesi_tf.data.decoding import decode_photo
+from laesi_tf.data.file_formats import PHOTO_SUFFIXES
 from laesi_tf.data.prefetch import prefetch
 
 # Values outside show a hole or a reflection rather than leaf surface.

@@ -1,7 +1,7 @@
 """A photo at two resolutions, overview and original, and crops of it with no more pixels than needed.
 
 The photo is shrunk once. A part is cropped from the overview where it has enough pixels there, and from the
-photo itself where it does not, so that shrinking is the only operation on all of up to 120 megapixels.
+photo itself where it does not, so that shrinking is the only operation on all of up to 200 megapixels.
 """
 
 from dataclasses import dataclass
