@@ -116,7 +116,7 @@ def judge_reading(
     if int(fit.windows) < p.fewest_windows or float(fit.phase_error) > p.worst_phase:
         return SheetReading(refusal=NOT_A_SHEET)
     paper = name_paper(reading)
-    if votes_for_finer(reading):
+    if paper != "1-5-10" and votes_for_finer(reading):
         return SheetReading(refusal=FINER_VOTED.format(period=period), paper=paper)
     if paper in ("1", "1-2", "1-4"):
         excluded = bool(reading.finer.excluded[1])

@@ -12,6 +12,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.estimators.ruling.spectra import Windows, measure_waves
+from laesi_tf.estimators.ruling.stage import compile_stage
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,10 @@ class FinerLines(NamedTuple):
     """bool [3]: finer lines of that order would have been seen."""
 
 
+NO_FINER_LINES = FinerLines(1.0, np.zeros(3, np.float32), np.zeros(3, bool))
+"""What is known of lines whose heavier ones say that they are the finest."""
+
+
 class HeavierLines(NamedTuple):
     """bool scalars: every n-th line is heavier."""
 
@@ -121,6 +126,7 @@ def sum_in_phase(windows: Windows, predicted: tf.Tensor, ratios: np.ndarray) -> 
     return CoherentSum(real, imaginary, error, seen > 0.6 * number)
 
 
+@compile_stage
 def find_finer(windows: Windows, predicted: tf.Tensor) -> FinerLines:
     """Whether the 2nd, 5th or 10th wave stands out of the fitted lines' own harmonics.
 
@@ -156,6 +162,7 @@ def find_finer(windows: Windows, predicted: tf.Tensor) -> FinerLines:
     return FinerLines(tf.reduce_max(factors), excess, excluded)
 
 
+@compile_stage
 def find_coarser(windows: Windows, predicted: tf.Tensor) -> tf.Tensor:
     """10, 5 or 1, float scalar: how many times farther apart the lines are than the fitted waves.
 
@@ -180,6 +187,7 @@ def _mean_by_square(low: tf.Tensor, high: tf.Tensor, below: int, order: int, abo
     return (1 - share) * low + share * high
 
 
+@compile_stage
 def find_heavier(windows: Windows, predicted: tf.Tensor) -> HeavierLines:
     """Which of the fitted lines are heavier, and whether they are the finest at all.
 

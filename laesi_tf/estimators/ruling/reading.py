@@ -8,6 +8,7 @@ import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT
 from laesi_tf.estimators.ruling.line_levels import (
+    NO_FINER_LINES,
     PARAMETERS,
     FinerLines,
     HeavierLines,
@@ -27,6 +28,7 @@ from laesi_tf.estimators.ruling.spectra import (
     find_peaks,
     measure_noise,
 )
+from laesi_tf.estimators.ruling.stage import compile_stage
 from laesi_tf.estimators.ruling.votes import Votes, choose_windows, collect_votes
 from laesi_tf.models.ruling_cells import CELL_PX, LEVELS, CellAnswers
 
@@ -78,6 +80,7 @@ def sample_cells(field: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
     return tf.gather(tf.reshape(field, [-1]), cell[..., 1] * side + cell[..., 0])
 
 
+@compile_stage
 def prepare_windows(pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, level: tf.Tensor) -> Windows:
     """Cut the windows of pyramid `level` where cells agree with the votes."""
     middles, weights = choose_windows(votes, size, level=level, count=WINDOWS, side_px=SIDE)
@@ -85,6 +88,12 @@ def prepare_windows(pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, lev
     step = tf.pow(2.0, tf.cast(level, tf.float32))
     ruled = sample_cells(cover_ruling(votes.agreement), middles[:, None, None] + step * _GRID)
     return Windows(extract_ink(pixels, weights, ruled), middles, weights, step)
+
+
+@compile_stage
+def predict_in(windows: Windows, size: tf.Tensor, parameters: tf.Tensor) -> tf.Tensor:
+    """Waves [N, 2, 3] that `parameters` [COUNT] predict in `windows` of a photo of `size` [2]."""
+    return predict_waves(parameters, window_points(windows, size)[0])
 
 
 def cover_ruling(agreement: tf.Tensor) -> tf.Tensor:
@@ -110,7 +119,7 @@ def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnsw
         frequency = find_peaks(power, windows.ink, length, direction, factors)
         noise = measure_noise(power, length[:, None] * tf.exp(factors))
         fit = fit_sheet(windows, noise, frequency, size)
-        return fit, find_heavier(windows, predict_waves(fit.parameters, window_points(windows, size)[0]))
+        return fit, find_heavier(windows, predict_in(windows, size, fit.parameters))
 
     square, stretched = find_families(power, windows.weights, length, direction)
     fit, heavier = fit_families(square)
@@ -119,16 +128,21 @@ def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnsw
         lambda: choose_surer((fit, heavier), fit_families(stretched)),
         lambda: (fit, heavier),
     )
-    fine_level = choose_level(votes.period_px / 5, size)
-    fine = tf.cond(
-        fine_level < level, lambda: prepare_windows(pyramid, size, votes, fine_level), lambda: windows
-    )
-    fine = Windows(*(tf.ensure_shape(new, old.shape) for new, old in zip(fine, windows, strict=True)))
-    finer = find_finer(fine, predict_waves(fit.parameters, window_points(fine, size)[0]))
-    coarser = find_coarser(windows, predict_waves(fit.parameters, window_points(windows, size)[0]))
+    coarser = find_coarser(windows, predict_in(windows, size, fit.parameters))
     is_harmonic = tf.reduce_any(tf.abs(heavier.factors - 1) > 0.1) | (coarser > 1.5)
+
+    def look_closer() -> tuple[Windows, FinerLines]:
+        fine_level = choose_level(votes.period_px / 5, size)
+        fine = tf.cond(
+            fine_level < level, lambda: prepare_windows(pyramid, size, votes, fine_level), lambda: windows
+        )
+        fine = Windows(*(tf.ensure_shape(new, old.shape) for new, old in zip(fine, windows, strict=True)))
+        return fine, find_finer(fine, predict_in(fine, size, fit.parameters))
+
     # Lines of which every fifth or tenth is heavier are the finest already.
-    factor = tf.where(is_harmonic | heavier.fifth | heavier.tenth, 1.0, finer.factor)
+    is_finest = is_harmonic | heavier.fifth | heavier.tenth
+    fine, finer = tf.cond(is_finest, lambda: (windows, NO_FINER_LINES), look_closer)
+    factor = finer.factor
     scale = heavier.factors * factor / coarser
     u, v = scale[0], scale[1]
     scaled = fit.parameters * tf.concat([tf.stack([u, v, u, u, v, v]), tf.ones([COUNT - 6])], 0)

@@ -25,6 +25,7 @@ from laesi_tf.estimators.ruling.sheet_waves import (
     wrap,
 )
 from laesi_tf.estimators.ruling.spectra import Windows
+from laesi_tf.estimators.ruling.stage import compile_stage
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,10 @@ def step_parameters(
     return parameters + change, normal, found
 
 
-def fit_frequencies(start: tf.Tensor, points: tf.Tensor, measured: Measured, rounds: int) -> tf.Tensor:
-    """Parameters [COUNT] fitted to the windows' frequencies alone; lens and bend as far as their priors let
-    them."""
+@compile_stage
+def fit_frequencies(start: tf.Tensor, points: tf.Tensor, measured: Measured, rounds: tf.Tensor) -> tf.Tensor:
+    """Parameters [COUNT] fitted to the windows' frequencies alone in `rounds` steps, int scalar; lens and
+    bend as far as their priors let them."""
     use = np.array([1, 1, 0], np.float32)
     full = measured.weights[..., None] * use
     windows = tf.reduce_sum(tf.cast(measured.weights > 0, tf.float32)) / 2
@@ -145,11 +147,10 @@ def fit_frequencies(start: tf.Tensor, points: tf.Tensor, measured: Measured, rou
         )
         return turn + 1, new[0]
 
-    return tf.while_loop(
-        lambda turn, _: turn < rounds, improve, (tf.constant(0), start), maximum_iterations=rounds
-    )[1]
+    return tf.while_loop(lambda turn, _: turn < rounds, improve, (tf.constant(0), start))[1]
 
 
+@compile_stage
 def fit_sheet(windows: Windows, noise: tf.Tensor, frequency: tf.Tensor, size: tf.Tensor) -> SheetFit:
     """Fit the sheet to `windows` with `noise` [N, 2] whose families are near `frequency` [N, 2, 2].
 
@@ -160,14 +161,15 @@ def fit_sheet(windows: Windows, noise: tf.Tensor, frequency: tf.Tensor, size: tf
     share = measured.weights[..., None] / (tf.reduce_sum(measured.weights, 0)[:, None] + 1e-6)
     slopes = tf.reduce_sum(share * measured.values[..., :2], 0) / pixel
     start = tf.concat([tf.zeros([2]), tf.reshape(slopes, [4]), tf.zeros([COUNT - 6])], 0)
-    parameters = fit_frequencies(start, points, measured, 6)
+    parameters = fit_frequencies(start, points, measured, tf.constant(6))
     for _ in range(2):
         at = predict_waves(parameters, points)[..., :2]
         measured, _ = measure(windows, noise, at)
-        parameters = fit_frequencies(parameters, points, measured, 3)
+        parameters = fit_frequencies(parameters, points, measured, tf.constant(3))
     return fit_phases(windows, noise, points, parameters)
 
 
+@compile_stage
 def _improve_models(
     several: tf.Tensor,
     points: tf.Tensor,
@@ -187,6 +189,7 @@ def _improve_models(
     return tf.while_loop(lambda turn, *_: turn < 4, improve, start, maximum_iterations=4)[1:]
 
 
+@compile_stage
 def fit_phases(windows: Windows, noise: tf.Tensor, points: tf.Tensor, parameters: tf.Tensor) -> SheetFit:
     """Fit the phases of all windows from `parameters` [COUNT] that their frequencies were fitted with."""
     middles = windows.middles / windows.step

@@ -1,6 +1,6 @@
 """Read the ruling of a photo with the ruling network: from pixels to a camera, or to a refusal.
 
-One TensorFlow function holds all that looks at pixels. Only a photo whose lines are too fine for the half
+All that looks at pixels is TensorFlow. Only a photo whose lines are too fine for the half
 resolution is looked at in full: three quarters of the network's work is there.
 """
 
@@ -17,11 +17,13 @@ from laesi_tf.estimators.photo_pyramid import Crop
 from laesi_tf.estimators.ruling.judge import SheetReading, judge_reading
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
 from laesi_tf.estimators.ruling.spectra import build_pyramid
+from laesi_tf.estimators.ruling.stage import compile_stage
 from laesi_tf.estimators.ruling.votes import PARAMETERS as VOTES
 from laesi_tf.estimators.ruling.votes import collect_votes
 from laesi_tf.models.ruling_cells import (
     CELL_PX,
     DIRECTION_BINS,
+    FRAME_CELLS,
     FRAME_PX,
     LEVELS,
     PERIOD_BINS,
@@ -36,7 +38,7 @@ _MANY_HIDDEN = 0.2
 _FINE_PERIOD_PX = 9.0
 """Frame pixels per period below which coarse levels do not suffice: thin lines that are averaged to less than
 4.5 pixels per period make others appear. Set on 29 November 2026 on `cases`."""
-_FINE_CELLS = FRAME_PX // CELL_PX
+_USED_PX = (FRAME_PX // 2, FRAME_PX * 3 // 4, FRAME_PX)
 _SURE_OF_AGREEMENT = 0.3
 """Cells of the frame whose mean agreement over levels is above this belong to the ruled sheet."""
 
@@ -48,14 +50,7 @@ class SheetReader:
         """Take a ruling network of any input size, [B, h, w, 3] -> logits."""
         self._network = build_ruling_network()
         self._network.set_weights(network.get_weights())
-        self._read = tf.function(
-            self._read_frame,
-            input_signature=[
-                tf.TensorSpec([FRAME_PX, FRAME_PX, 3], tf.uint8),
-                tf.TensorSpec([2], tf.float32),
-            ],
-            autograph=False,
-        )
+        self._ask = compile_stage(self._ask_network)
 
     def read(self, overview: Crop, *, grid_mm: float | None) -> SheetReading:
         """Read the ruling of a photo in its `overview`, of at most FRAME_PX pixels.
@@ -66,30 +61,54 @@ class SheetReader:
         frame = np.zeros((FRAME_PX, FRAME_PX, 3), np.uint8)
         frame[:height, :width] = overview.image
         reading: Reading = tf.nest.map_structure(
-            lambda tensor: tensor.numpy(), self._read(frame, np.array([height, width], np.float32))
+            np.asarray,
+            self.read_frame(
+                tf.constant(frame),
+                tf.constant([height, width], tf.float32),
+                used=(_round_up(height), _round_up(width)),
+            ),
         )
         step_x, step_y = overview.pixel_size
         judged = judge_reading(reading, (height, width), (float(step_x), float(step_y)), grid_mm=grid_mm)
         return replace(judged, outline=outline_sheet(reading.votes.agreement, overview))
 
-    def _read_frame(self, frame: tf.Tensor, size: tf.Tensor) -> Reading:
-        pyramid = build_pyramid(tf.cast(frame, tf.float32), LEVELS)
-        coarse = [self._ask(pyramid[level], size / 2.0**level) for level in range(1, LEVELS)]
-        fine = tf.cond(needs_full_resolution(coarse), lambda: self._ask(pyramid[0], size), _no_answers)
+    def read_frame(
+        self, frame: tf.Tensor, size: tf.Tensor, *, used: tuple[int, int] = (FRAME_PX, FRAME_PX)
+    ) -> Reading:
+        """Read the ruling of the photo of `size` [2] (height, width), float, in the upper left corner of a
+        frame, uint8 [FRAME_PX, FRAME_PX, 3].
+
+        The network does not see the frame beyond `used` (height, width).
+        """
+        pyramid = build_pyramid(tf.cast(frame[: used[0], : used[1]], tf.float32), LEVELS)
+
+        def ask(level: int) -> CellAnswers:
+            return self._ask(pyramid[level], size / 2.0**level, FRAME_CELLS >> level)
+
+        coarse = [ask(level) for level in range(1, LEVELS)]
+        fine = tf.cond(needs_full_resolution(coarse), lambda: ask(0), _no_answers)
         return read_sheet(pyramid, size, [fine, *coarse])
 
-    def _ask(self, image: tf.Tensor, size: tf.Tensor) -> CellAnswers:
-        """Return the answers for `image` [h, w, 3] of which the upper left `size` [2] is the photo."""
-        cells = image.shape[0] // CELL_PX
+    def _ask_network(self, image: tf.Tensor, size: tf.Tensor, cells: int) -> CellAnswers:
+        """Return the answers for `image` [h, w, 3] of which the upper left `size` [2] is the photo.
+
+        They are [cells, cells], of a whole level of the frame.
+        """
         logits: Any = self._network(image[tf.newaxis], training=False)
-        answers = to_answers(tf.ensure_shape(logits[0], [cells, cells, logits.shape[-1]]))
+        beyond = [[0, cells - side // CELL_PX] for side in image.shape[:2]]
+        answers = to_answers(tf.pad(logits[0], [*beyond, [0, 0]]))
         middles = (tf.range(cells, dtype=tf.float32) + 0.5) * CELL_PX
         inside = (middles < size[0])[:, None] & (middles < size[1])
         return answers._replace(readable=tf.where(inside, answers.readable, 0.0))
 
 
+def _round_up(side: int) -> int:
+    """Return the side of the part of the frame that holds `side` pixels; few sizes, each compiled once."""
+    return next(size for size in _USED_PX if size >= side)
+
+
 def _no_answers() -> CellAnswers:
-    cells: list[int] = [_FINE_CELLS, _FINE_CELLS]
+    cells: list[int] = [FRAME_CELLS, FRAME_CELLS]
     return CellAnswers(
         readable=tf.zeros(cells),
         periods=tf.zeros([*cells, PERIOD_BINS]),

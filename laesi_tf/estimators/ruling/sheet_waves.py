@@ -8,6 +8,7 @@ import tensorflow as tf
 
 from laesi_tf.common.sheet_model import SheetModel, to_lines
 from laesi_tf.estimators.ruling.spectra import SIDE, SPREAD_PX, Windows, measure_waves
+from laesi_tf.estimators.ruling.stage import compile_stage
 
 _REACH_PX = 1.55 * SPREAD_PX
 """Distance of the points that stand for a window: the square root of the Hann window's fourth moment over its
@@ -67,6 +68,7 @@ def predict_waves(parameters: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
     )
 
 
+@compile_stage
 def measure(windows: Windows, noise: tf.Tensor, frequency: tf.Tensor) -> tuple[Measured, tf.Tensor]:
     """Measure both families at `frequency` [N, 2, 2], which is near to theirs; and their signal to noise [N,
     2]."""

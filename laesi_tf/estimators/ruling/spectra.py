@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.estimators.ruling.stage import compile_stage
+
 SIDE = 128
 """Side of a window, pixels of its level."""
 _STEPS = np.arange(SIDE, dtype=np.float32) + 0.5 - SIDE / 2
@@ -161,6 +163,7 @@ def read_power(power: tf.Tensor, frequency: tf.Tensor) -> tf.Tensor:
     return tf.gather(tf.reshape(power, [-1]), (window * SIDE + row) * (SIDE // 2 + 1) + column)
 
 
+@compile_stage
 def measure_noise(power: tf.Tensor, length: tf.Tensor) -> tf.Tensor:
     """Noise power [N, F] around frequencies of `length` [N, F], periods per pixel: geometric mean over all
     directions.
@@ -206,6 +209,7 @@ def measure_waves(ink: tf.Tensor, frequency: tf.Tensor) -> Waves:
     return Waves(z[0], z[1], moments / (2 * np.pi * SPREAD_PX**2))
 
 
+@compile_stage
 def find_families(
     power: tf.Tensor, weights: tf.Tensor, length: tf.Tensor, direction: tf.Tensor
 ) -> tuple[tf.Tensor, tf.Tensor]:
@@ -234,6 +238,7 @@ def find_families(
     return find_best(p.equal_spread), find_best(p.unequal_spread)
 
 
+@compile_stage
 def find_peaks(
     power: tf.Tensor, ink: tf.Tensor, length: tf.Tensor, direction: tf.Tensor, factors: tf.Tensor
 ) -> tf.Tensor:

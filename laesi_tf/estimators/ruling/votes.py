@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.estimators.ruling.stage import compile_stage
 from laesi_tf.models.ruling_cells import (
     BINS_PER_OCTAVE,
     CELL_PX,
@@ -83,6 +84,7 @@ def find_winner(total: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
     return winner, tf.cast(tf.argmax(apart), tf.float32), share
 
 
+@compile_stage
 def collect_votes(answers: list[CellAnswers]) -> Votes:
     """The winning period among all cells of all levels, and who agrees with it where."""
     winner, rival, share = find_winner(count_votes(answers))
