@@ -83,10 +83,9 @@ def free_memory() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def sheet_reader() -> Any:
     """Load the shipped reader of rulings, which is traced once for all tests that read photos."""
-    from laesi_tf.estimators.ruling.sheet_reader import SheetReader
-    from laesi_tf.models.saved_model import PRETRAINED, load_run
+    from laesi_tf.estimators.factory import load_shipped_reader
 
-    return SheetReader(load_run(PRETRAINED / "ruling").model)
+    return load_shipped_reader()
 
 
 @pytest.fixture(scope="session")

@@ -50,6 +50,19 @@ def mask_mm2(mask: np.ndarray, to_px: np.ndarray) -> float:
     return float(np.sum(np.abs(depth**3 / np.linalg.det(matrix))))
 
 
+def test_an_empty_sheet_has_neither_leaf_nor_area() -> None:
+    ranges = dataclasses.replace(SINGLY, without=only("ruling", "shadow").without - {"empty_sheet"})
+    empty = changed(ranges, "paper", empty=Probability(1.0))
+    assert empty.has("empty_sheet") and not SINGLY.has("empty_sheet")
+    made = synthesise(5, size=SMALL, ranges=empty)
+    with_leaf = synthesise(5, size=SMALL, ranges=empty.without_component("empty_sheet"))
+    assert not made["mask"].numpy().any() and float(made["area_cm2"]) == 0
+    assert with_leaf["mask"].numpy().any() and float(with_leaf["area_cm2"]) > 0
+    away = with_leaf["mask"].numpy() == 0
+    steps = np.abs(made["image"].numpy().astype(int) - with_leaf["image"].numpy())
+    assert np.median(steps[away]) <= 1 < np.median(steps[~away])
+
+
 def test_mask_and_label_agree_on_200_untilted_scenes() -> None:
     flat = changed(only(ranges=SINGLY), "camera", tilted=Probability(0.0))
     errors = []

@@ -3,6 +3,7 @@
 Every estimator is registered here, in `_BY_TASK` or `_WITHOUT_RUN`.
 """
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,9 +71,19 @@ def _load_ruling_estimator(
     guess: bool,
 ) -> RulingEstimator:
     mask = _load_run_of("mask", mask_run or PRETRAINED / "mask")
-    ruling = _load_run_of("ruling", ruling_run or PRETRAINED / "ruling")
+    reader = load_shipped_reader() if ruling_run is None else _load_reader(ruling_run)
     guesser = _make_area_estimator(_load_run_of("area", area_run or PRETRAINED / "area")) if guess else None
-    return RulingEstimator(_make_mask_estimator(mask), SheetReader(ruling.model), guesser=guesser)
+    return RulingEstimator(_make_mask_estimator(mask), reader, guesser=guesser)
+
+
+@functools.cache
+def load_shipped_reader() -> SheetReader:
+    """Load the reader of rulings that comes with the package, once: its graphs take seconds to compile."""
+    return _load_reader(PRETRAINED / "ruling")
+
+
+def _load_reader(run: Path | str) -> SheetReader:
+    return SheetReader(_load_run_of("ruling", run).model)
 
 
 def _load_run_of(task: str, path: Path | str) -> Run:
