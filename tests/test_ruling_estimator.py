@@ -101,3 +101,4 @@ def test_what_lies_beside_the_sheet_is_no_leaf(ruling_estimator: RulingEstimator
     assert measured.refusal is None, measured.refusal
     (leaf,) = measured.leaves
     assert leaf.outline is not None and leaf.outline[:, 0].max() < 400
+    assert measured.note is not None and "beside the ruled sheet: 1" in measured.note

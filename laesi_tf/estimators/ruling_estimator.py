@@ -29,6 +29,7 @@ METHOD = "ruling x silhouette"
 GUESS = "regression, no ruling read"
 GUESS_SCALE = "silhouette x scale of the area model, no ruling read"
 ROUGH_ESTIMATE = "a network's guess, as {reason}"
+OFF_SHEET = "not counted, as beside the ruled sheet: {count} that may be leaves"
 NO_LEAF_ON_SHEET = "no leaf found on the ruled sheet; lay one whole leaf on it"
 
 
@@ -92,13 +93,16 @@ class RulingEstimator:
         if not on_sheet:
             refusal = NO_LEAF_ON_SHEET if outlines else NO_LEAF
             return Measurement(method=METHOD, mask=mask, camera=sheet.camera, refusal=refusal)
+        notes = list(sheet.notes)
+        if len(on_sheet) < len(outlines):
+            notes.append(OFF_SHEET.format(count=len(outlines) - len(on_sheet)))
         return Measurement(
             method=METHOD,
             leaves=tuple(self._measure_leaf(outline, sheet.camera) for outline in on_sheet),
             mask=mask,
             camera=sheet.camera,
             tilt_deg=sheet.camera.tilt_deg(),
-            note="; ".join(sheet.notes) or None,
+            note="; ".join(notes) or None,
         )
 
     def _lies_on(self, sheet_outline: Points | None, outline: LeafOutline) -> bool:
