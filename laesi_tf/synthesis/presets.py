@@ -49,16 +49,16 @@ _DESKS = {
 _CHANCES = {
     "handwriting": 0.35,
     "fragment": 0.1,
-    "label": 0.15,
-    "coin": 0.15,
-    "pen": 0.1,
-    "scribble": 0.15,
-    "note": 0.15,
+    "label": 0.2,
+    "coin": 0.25,
+    "pen": 0.15,
+    "scribble": 0.2,
+    "note": 0.25,
     "barcode": 0.1,
     "clip": 0.08,
-    "ruler": 0.1,
-    "pencil": 0.1,
-    "finger": 0.08,
+    "ruler": 0.12,
+    "pencil": 0.15,
+    "finger": 0.12,
     "tape": 0.1,
     "pane": 0.1,
 }
@@ -99,7 +99,13 @@ PHONE = Ranges(
         margin_browned=Probability(0.15),
         margin_pale=Probability(0.06),
     ),
-    props=PropsParams(**{name: Probability(chance) for name, chance in _CHANCES.items()}),
+    props=PropsParams(
+        **{name: Probability(chance) for name, chance in _CHANCES.items()},
+        stroke_mm=(0.25, 2.5),
+        coin_brightness=(0.35, 1.15),
+        coin_relief=(0.0, 0.7),
+        gap_mm=(1.0, 60.0),
+    ),
     paper=PaperParams(
         # White and cream paper; printed inks are not saturated.
         hue=(0.06, 0.2),
@@ -130,7 +136,7 @@ PHONE = Ranges(
         cut_top=(-0.25, 0.25),
         cut_bottom=(-0.25, 0.25),
         scrap=Probability(0.4),
-        empty=Probability(0.08),
+        empty=Probability(0.2),
     ),
     camera=CameraParams(
         fill=(0.1, 0.88),

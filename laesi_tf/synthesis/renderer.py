@@ -13,6 +13,7 @@ This module holds no arithmetic. Each `kernels.x` is the XLA-compiled form of th
 module that `kernels` names. A stage receives the names of its components that images may contain.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -31,6 +32,8 @@ from laesi_tf.synthesis.props.registry import PROPS, SampledProp
 from laesi_tf.synthesis.scene import Scene
 from laesi_tf.synthesis.scene_layout import SceneLayout
 
+_EMPTY_VIEW = 0.35
+"""Views of empty sheets are narrower than those of leaves by this."""
 _SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk", "desk_kinds", "cut_sheet")
 _VIEW = ("lens", "bend")
 _LEAF = ("surface", "browned_margin", "pale_margin", "spots", "veins", "undulation", "relief")
@@ -97,22 +100,28 @@ def _prepare_layers(
 ) -> SharedLayers:
     """Paint sheet, desk and props, and rasterise the edges of the leaf, if there is one."""
     background = _paint_sheet(scene, layout, size)
-    background = draw_props(background, scene, layout, size)
     painted = layout
     if "empty_sheet" in scene.components:
         painted = layout.remove_leaf_if(scene.paper.empty)
+    # On an empty sheet props lie where the leaf would be.
+    background = draw_props(background, scene, painted, size)
     leaf = _prepare_leaf(scene, painted, size, textures)
     return SharedLayers(layout._replace(area_cm2=painted.area_cm2), background, leaf)
 
 
 def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:
     """Place the leaf on the sheet and point the camera at it."""
-    points, lengths = kernels.trace_outline(scene.leaf, scene.numbers.outline)
+    leaf = scene.leaf
+    if "empty_sheet" in scene.components:
+        # The camera looks at what lies there instead of a leaf, often smaller things.
+        shrunk = leaf.length_mm * tf.where(scene.paper.empty, _EMPTY_VIEW, 1.0)
+        leaf = dataclasses.replace(leaf, length_mm=shrunk)
+    points, lengths = kernels.trace_outline(leaf, scene.numbers.outline)
     curve = OutlineCurve(points, lengths, geometry.find_segments(lengths, OUTLINE_POINTS))
     # The size as a tensor: one compilation serves all sizes, and the label is the same at each.
     size_tensor = tf.constant(size, tf.float32)
     return kernels.compute_layout(
-        scene.leaf, scene.camera, curve, scene.numbers.holes, size_tensor, _enabled(scene, *_VIEW)
+        leaf, scene.camera, curve, scene.numbers.holes, size_tensor, _enabled(scene, *_VIEW)
     )
 
 
