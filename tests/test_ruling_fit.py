@@ -12,10 +12,14 @@ from hypothesis import strategies as st
 
 from laesi_tf.estimators.ruling import judge
 from laesi_tf.estimators.ruling.least_squares import solve_normal
+from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
 from laesi_tf.estimators.ruling.spectra import build_pyramid
+from laesi_tf.estimators.ruling.stage import compile_stage
+from laesi_tf.estimators.ruling.votes import VoteParams
 from laesi_tf.models import ruling_cells as cells
 
+PARAMS = RulingReaderParams()
 FIVES_AND_TENS = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
 TENS, FIVES, PLAIN = {1.0: 0.6, 10.0: 1.0}, {1.0: 0.5, 5.0: 0.9}, {1.0: 0.8}
 
@@ -27,6 +31,7 @@ def compiled_reader():
             build_pyramid(frame, cells.LEVELS),
             size,
             [cells.CellAnswers(*flat[i : i + 4]) for i in range(0, len(flat), 4)],
+            params=PARAMS.reading,
         ),
         input_signature=signature(),
         autograph=False,
@@ -55,7 +60,8 @@ def read(view: View, photo: np.ndarray, **options: float) -> Reading:
 
 
 def judged(view: View, reading: Reading, grid_mm: float | None = None) -> judge.SheetReading:
-    return judge.judge_reading(reading, (view.height, view.width), (1.0, 1.0), grid_mm=grid_mm)
+    size = (view.height, view.width)
+    return judge.judge_reading(reading, size, (1.0, 1.0), grid_mm=grid_mm, params=PARAMS.judge)
 
 
 def scale_errors(view: View, result: judge.SheetReading) -> np.ndarray:
@@ -193,3 +199,17 @@ def test_elimination_solves_systems():
     scale = 10.0 ** np.arange(-3, 4)[:, None]
     np.testing.assert_allclose(solved * scale, np.linalg.solve(matrix, columns) * scale, rtol=1e-3, atol=1e-5)
     np.testing.assert_allclose(log_determinant, np.linalg.slogdet(matrix)[1], rtol=1e-4)
+
+
+def test_a_stage_is_traced_once_for_each_value_of_its_parameters():
+    traced = []
+
+    @compile_stage
+    def scale(values: tf.Tensor, *, params: VoteParams) -> tf.Tensor:
+        traced.append(params.sure)
+        return params.sure * values
+
+    ones = tf.ones([2])
+    for sure in (0.5, 0.25, 0.5):
+        np.testing.assert_array_equal(scale(ones, params=VoteParams(sure=sure)), sure * ones)
+    assert traced == [0.5, 0.25]

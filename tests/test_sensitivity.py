@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from green import area_network, mask_network, photo
+from drawn_sheets import View, draw_photo
+from green import LEAF, area_network, disk, mask_network, photo
 
 from laesi_tf.benchmarks.sensitivity import (
     Accuracy,
@@ -121,3 +122,15 @@ def test_estimators_use_the_parameters_that_they_are_given(sheet_reader: SheetRe
     blind = ruling.with_params(replace_parameter(ruling.params, "mask.outline.min_area_px", 1e9))
     assert blind.measure(photo(200, 200)).refusal is not None
     assert EasyLeafArea().with_params(EasyLeafAreaParams(square_cm2=9.0)).params.square_cm2 == 9.0
+
+
+def test_the_parameters_of_the_ruling_reader_reach_it(sheet_reader: SheetReader) -> None:
+    size = (96, 96)
+    estimator = RulingEstimator(MaskEstimator(mask_network(size), size), sheet_reader)
+    image = draw_photo(View(600, 800), {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}).astype(np.uint8)
+    image[disk(600, 800, radius=0.2)] = LEAF
+    names = [known.name for known in select_parameters(estimator.params, ["ruling.judge.fewest"])]
+    assert names == ["ruling.judge.fewest_cells", "ruling.judge.fewest_windows"]
+    strict = estimator.with_params(replace_parameter(estimator.params, names[0], 1_000_000))
+    assert estimator.measure(image).camera is not None
+    assert strict.measure(image).camera is None

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from drawn_sheets import View, draw_photo
 
+from laesi_tf.estimators.parameters import replace_parameter
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
-from laesi_tf.estimators.ruling.judge import SheetReading
+from laesi_tf.estimators.ruling.judge import NO_RULING, SheetReading
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 
 MILLIMETRES = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
@@ -51,3 +52,19 @@ def test_thin_lines_are_looked_at_in_full_resolution(sheet_reader: SheetReader) 
     assert reading.camera is not None, reading.refusal
     assert reading.camera.px_per_mm(np.array([320.0, 400.0])) == pytest.approx(8.0, rel=2e-3)
     assert reading.proves_millimetres
+
+
+def test_a_reader_uses_the_parameters_that_it_is_given(sheet_reader: SheetReader) -> None:
+    photo = draw_photo(View(height=720, width=960, px_per_mm=7.0), MILLIMETRES)
+
+    def read_with(name: str, value: float) -> SheetReading:
+        changed = sheet_reader.with_params(replace_parameter(sheet_reader.params, name, value))
+        return read(changed, photo)
+
+    default, wavy = read(sheet_reader, photo), read_with("judge.scale_error.waviness", 10.0)
+    assert default.camera is not None and wavy.camera is not None
+    middle = np.array([480.0, 360.0])
+    assert wavy.camera.scale_error(middle) > 5 * default.camera.scale_error(middle)
+    assert (default.paper, read_with("reading.levels.heavy", 1e9).paper) == ("1-5-10", "1")
+    assert read_with("judge.fewest_cells", 1_000_000).refusal == NO_RULING
+    assert read_with("sheet_agreement", 2.0).outline is None

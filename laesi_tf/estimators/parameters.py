@@ -10,6 +10,10 @@ from typing import Any, NamedTuple
 
 SCENES = "scenes of rendering_2 and semi-real photos, by hand, 2026-11-25"
 """Data and time at which most parameters were set."""
+RENDERED = "rendered (split develop) and every ninth photo of semireal's train, 2026-11-28"
+"""The same for parameters of the reader of rulings."""
+RENDERED_AND_CASES = "rendered (split develop), cases and every ninth photo of semireal's train, 2026-11-28"
+"""The same for those that decide which lines are printed and what is refused."""
 
 
 class Parameter(NamedTuple):

@@ -21,6 +21,7 @@ from laesi_tf.estimators.mask_estimator import NO_LEAF, MaskEstimator, MaskEstim
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.ruling.judge import SheetReading
+from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.sheet_map import UniformScale
@@ -38,6 +39,7 @@ class RulingEstimatorParams:
     """Parameters of masks, scale and uncertainty."""
 
     mask: MaskEstimatorParams = field(default_factory=MaskEstimatorParams)
+    ruling: RulingReaderParams = field(default_factory=RulingReaderParams)
     on_sheet: float = parameter(
         0.5, unit="share of the leaf", set_on="rendered (split develop) and cases, 2026-11-29"
     )
@@ -66,11 +68,11 @@ class RulingEstimator:
         """Take what finds leaves and what reads rulings.
 
         Photos without a readable ruling are refused, unless a `guesser` is given. `params` replace those of
-        `mask_estimator`.
+        `mask_estimator` and `sheet_reader`.
         """
-        self.params = params or RulingEstimatorParams(mask=mask_estimator.params)
+        self.params = params or RulingEstimatorParams(mask=mask_estimator.params, ruling=sheet_reader.params)
         self._mask_estimator = mask_estimator.with_params(self.params.mask)
-        self._sheet_reader = sheet_reader
+        self._sheet_reader = sheet_reader.with_params(self.params.ruling)
         self._guesser = guesser
 
     def with_params(self, params: RulingEstimatorParams) -> "RulingEstimator":

@@ -1,41 +1,41 @@
 """Decide what a reading is worth: a camera with the pitch of its lines, or a refusal that says what would
 help."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from laesi_tf.common.arrays import Points
+from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
 from laesi_tf.estimators.ruling.line_levels import FINER
 from laesi_tf.estimators.ruling.reading import Reading
-from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
+from laesi_tf.estimators.ruling.sheet_camera import ScaleErrorParams, SheetCamera
 
 
-@dataclass(frozen=True)
-class JudgeParameters:
-    """Set on 28 November 2026 on `rendered` (split develop), `cases` and every ninth photo of semireal's
-    train."""
+@dataclass(frozen=True, kw_only=True)
+class JudgeParams:
+    """Parameters of the judgement."""
 
-    fewest_cells: float = 12
+    scale_error: ScaleErrorParams = field(default_factory=ScaleErrorParams)
+    fewest_cells: int = parameter(12, unit="cells", set_on=RENDERED_AND_CASES)
     """Cells of one level that agree on the period; unruled photos of `cases` have at most 8."""
-    fewest_windows: int = 4
+    fewest_windows: int = parameter(4, unit="windows", set_on=RENDERED_AND_CASES)
     """Windows in which both families agree with the fit."""
-    faintest: float = 6.0
-    """Median power of a family's waves over the noise; lines in one direction give 1 for the other."""
-    worst_phase: float = 0.05
-    """Median distance of the lines from the fit, periods; 0.03 on the worst of the right ones."""
-    rival_share: float = 0.5
+    faintest: float = parameter(6.0, unit="power over the noise", set_on=RENDERED_AND_CASES)
+    """Median of a family's waves; lines in one direction give 1 for the other."""
+    worst_phase: float = parameter(0.05, unit="periods", set_on=RENDERED_AND_CASES)
+    """Median distance of the lines from the fit; 0.03 on the worst of the right ones."""
+    rival_share: float = parameter(0.5, unit="share of the votes", set_on=RENDERED_AND_CASES)
     """Votes for lines that are finer than the fitted by a whole factor, over those for the fitted ones, from
     which these are not believed."""
-    same_period: float = 0.07
-    """ln of periods that are the same."""
-    always_finest_mm: float = 3.0
+    same_period: float = parameter(0.07, unit="ln of period", set_on=RENDERED_AND_CASES)
+    """Periods that differ by less are the same."""
+    always_finest_mm: float = parameter(3.0, unit="mm", set_on=RENDERED_AND_CASES)
     """Squares of a named distance from this on have no heavier lines that can pass for them."""
-    widest_mm: float = 700.0
+    widest_mm: float = parameter(700.0, unit="mm", set_on=RENDERED_AND_CASES)
     """Photos do not show more of a sheet: A3 with a margin, held at arm's length."""
 
 
-PARAMETERS = JudgeParameters()
 NO_RULING = "no ruling of two crossing families of lines is seen; show bare, sharp paper around the leaf"
 ONE_DIRECTION = "lines run in one direction only, {period:.1f} px apart; use paper with squares"
 NOT_A_SHEET = "the lines do not fit one sheet of paper; lay it flat and photograph it from above"
@@ -87,17 +87,22 @@ def name_paper(reading: Reading) -> str:
     return "-".join(str(level) for level in (1, *levels))
 
 
-def votes_for_finer(reading: Reading) -> bool:
+def votes_for_finer(reading: Reading, params: JudgeParams) -> bool:
     """Return whether many cells vote for lines between those that were fitted, which may not be excluded."""
     votes, finer = reading.votes, reading.finer
     orders = np.array(FINER)[~np.asarray(finer.excluded, bool)] / float(finer.factor)
     apart = np.abs(np.log(float(votes.period_px) / float(votes.rival_px) / orders[orders > 1]))
-    is_multiple = bool((apart < PARAMETERS.same_period).any())
-    return is_multiple and float(votes.rival_share) > PARAMETERS.rival_share
+    is_multiple = bool((apart < params.same_period).any())
+    return is_multiple and float(votes.rival_share) > params.rival_share
 
 
 def judge_reading(
-    reading: Reading, size: tuple[int, int], step: tuple[float, float], *, grid_mm: float | None
+    reading: Reading,
+    size: tuple[int, int],
+    step: tuple[float, float],
+    *,
+    grid_mm: float | None,
+    params: JudgeParams,
 ) -> SheetReading:
     """The camera that `reading` founds, or why there is none.
 
@@ -105,18 +110,18 @@ def judge_reading(
     `grid_mm` is the distance of the finest lines where the user names it; None takes the lines for
     millimetres if heavier ones speak for it.
     """
-    p, fit = PARAMETERS, reading.fit
+    fit = reading.fit
     period = float(reading.votes.period_px / reading.finer.factor) * float(np.sqrt(step[0] * step[1]))
-    if float(reading.votes.agreeing_cells) < p.fewest_cells:
+    if float(reading.votes.agreeing_cells) < params.fewest_cells:
         return SheetReading(refusal=NO_RULING)
     weaker, stronger = sorted(float(value) for value in fit.signal)
-    if weaker < p.faintest:
-        both = stronger < 5 * p.faintest
+    if weaker < params.faintest:
+        both = stronger < 5 * params.faintest
         return SheetReading(refusal=NO_RULING if both else ONE_DIRECTION.format(period=period))
-    if int(fit.windows) < p.fewest_windows or float(fit.phase_error) > p.worst_phase:
+    if int(fit.windows) < params.fewest_windows or float(fit.phase_error) > params.worst_phase:
         return SheetReading(refusal=NOT_A_SHEET)
     paper = name_paper(reading)
-    if paper != "1-5-10" and votes_for_finer(reading):
+    if paper != "1-5-10" and votes_for_finer(reading, params):
         return SheetReading(refusal=FINER_VOTED.format(period=period), paper=paper)
     if paper in ("1", "1-2", "1-4"):
         excluded = bool(reading.finer.excluded[1])
@@ -125,7 +130,7 @@ def judge_reading(
             text = FINEST_UNCERTAIN if uncertain else PITCH_UNKNOWN
             return SheetReading(refusal=text.format(period=period), paper=paper)
         periods = max(size) * float(reading.finer.factor) / float(reading.votes.period_px)
-        if uncertain and grid_mm < p.always_finest_mm and 5 * grid_mm * periods < p.widest_mm:
+        if uncertain and grid_mm < params.always_finest_mm and 5 * grid_mm * periods < params.widest_mm:
             return SheetReading(refusal=NAMED_UNCERTAIN.format(period=period, grid=grid_mm), paper=paper)
     camera = SheetCamera(
         np.asarray(fit.parameters, float),
@@ -134,6 +139,7 @@ def judge_reading(
         step,
         1.0 if grid_mm is None else grid_mm,
         float(fit.phase_error),
+        params.scale_error,
     )
     ambiguous = {"1-10": AMBIGUOUS_TENTH, "1-5": AMBIGUOUS_FIFTH}
     notes = (ambiguous[paper],) if grid_mm is None and paper in ambiguous else ()

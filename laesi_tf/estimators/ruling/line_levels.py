@@ -11,37 +11,34 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
 from laesi_tf.estimators.ruling.spectra import Windows, measure_waves
 from laesi_tf.estimators.ruling.stage import compile_stage
 
 
-@dataclass(frozen=True)
-class LevelParameters:
-    """Set on 28 November 2026 on `rendered` (split develop), `cases` and every ninth photo of semireal's
-    train."""
+@dataclass(frozen=True, kw_only=True)
+class LevelParams:
+    """Parameters of the decision which lines are printed."""
 
-    excess: float = 0.45
-    """ln of a wave's amplitude over what its neighbours make one expect, mean of both families, from which
-    finer lines are printed. Lines of a tenth of the heavy ones' ink give 0.44 at order 5."""
-    clear: float = 4.0
-    """A coherent amplitude over its standard error, at which the wave is there."""
-    excluded: float = 0.3
-    """Standard error over the expected amplitude, below which finer lines are excluded where they have no
-    excess."""
-    heavy: float = 8.0
-    """Mean power over its standard error of the waves that heavier lines make; 1 on average without any, and
-    up to 5 where few windows overlap much."""
-    harmonic: float = 20.0
+    excess: float = parameter(0.45, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
+    """A wave's amplitude over what its neighbours make one expect, mean of both families, from which finer
+    lines are printed. Lines of a tenth of the heavy ones' ink give 0.44 at order 5."""
+    clear: float = parameter(4.0, unit="standard errors", set_on=RENDERED_AND_CASES)
+    """A coherent amplitude at which the wave is there."""
+    excluded: float = parameter(0.3, unit="share of the expected amplitude", set_on=RENDERED_AND_CASES)
+    """Standard error below which finer lines are excluded where they have no excess."""
+    heavy: float = parameter(8.0, unit="power over its standard error", set_on=RENDERED_AND_CASES)
+    """Mean of the waves that heavier lines make; 1 on average without any, and up to 5 where few windows
+    overlap much."""
+    harmonic: float = parameter(20.0, unit="power over its standard error", set_on=RENDERED_AND_CASES)
     """The same for one family's waves at quarters or sixths, from which it is taken to be fitted to a
     harmonic."""
-    smooth: float = 0.25
-    """Second differences of ln amplitude along the harmonics of lines with nothing between them; 0.05 on
-    drawn squares."""
-    highest: float = 0.47
-    """Highest frequency, periods per pixel, that is asked."""
+    smooth: float = parameter(0.25, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
+    """Second differences along the harmonics of lines with nothing between them; 0.05 on drawn squares."""
+    highest: float = parameter(0.47, unit="periods per pixel", set_on=RENDERED_AND_CASES)
+    """Highest frequency that is asked."""
 
 
-PARAMETERS = LevelParameters()
 FINER = (2, 5, 10)
 _ORDERS = np.arange(1, 13, dtype=np.float32)
 _TENTHS = np.array([3, 7, 9, 11], np.float32) / 10
@@ -102,7 +99,9 @@ class HeavierLines(NamedTuple):
         return tf.reduce_min(tf.reduce_max(self.strength[:2], 0))
 
 
-def sum_in_phase(windows: Windows, predicted: tf.Tensor, ratios: np.ndarray) -> CoherentSum:
+def sum_in_phase(
+    windows: Windows, predicted: tf.Tensor, ratios: np.ndarray, params: LevelParams
+) -> CoherentSum:
     """Add the windows' waves at `ratios` [K] of the fitted waves, `predicted` [N, 2, 3], turned to a common
     phase."""
     count = len(ratios)
@@ -112,7 +111,7 @@ def sum_in_phase(windows: Windows, predicted: tf.Tensor, ratios: np.ndarray) -> 
     real = waves.real * tf.cos(turn) - waves.imaginary * tf.sin(turn)
     imaginary = waves.real * tf.sin(turn) + waves.imaginary * tf.cos(turn)
     length = tf.norm(tf.reshape(frequency, [-1, 2 * count, 2]), axis=-1)
-    inside = tf.cast(length < PARAMETERS.highest, tf.float32)
+    inside = tf.cast(length < params.highest, tf.float32)
     loudness = tf.sqrt(tf.reduce_mean(windows.ink**2, [1, 2]) + 1e-9)
     weight = (windows.weights / loudness)[:, None] * inside
     total = tf.reduce_sum(weight, 0) + 1e-9
@@ -127,13 +126,13 @@ def sum_in_phase(windows: Windows, predicted: tf.Tensor, ratios: np.ndarray) -> 
 
 
 @compile_stage
-def find_finer(windows: Windows, predicted: tf.Tensor) -> FinerLines:
+def find_finer(windows: Windows, predicted: tf.Tensor, *, params: LevelParams) -> FinerLines:
     """Whether the 2nd, 5th or 10th wave stands out of the fitted lines' own harmonics.
 
     Sharp heavy lines have waves of all orders, whose strength falls smoothly with the order; lines in between
     add to every second, fifth or tenth only.
     """
-    sums = sum_in_phase(windows, predicted, _ORDERS)
+    sums = sum_in_phase(windows, predicted, _ORDERS, params)
     amplitude = tf.maximum(sums.amplitude, sums.error)
     log = tf.math.log(amplitude)
 
@@ -147,23 +146,23 @@ def find_finer(windows: Windows, predicted: tf.Tensor) -> FinerLines:
     places = np.array(FINER) - 1
     here = tf.gather(log, places, axis=1)
     beside = tf.stack([at(3), tf.maximum(at(4), at(6)), tf.maximum(at(9), at(11))], 1)
-    clear = tf.gather(amplitude / sums.error, places, axis=1) > PARAMETERS.clear
+    clear = tf.gather(amplitude / sums.error, places, axis=1) > params.clear
     # A wave is judged by its neighbours only where the next higher one can be measured as well.
     reachable = tf.gather(sums.reachable, places + 1, axis=1)
     excess = tf.reduce_mean(here - expected, 0)
     stands = tf.reduce_all(clear & reachable & (here - beside > -0.25) & (here - expected > 0.1), 0)
-    found = stands & (excess > PARAMETERS.excess)
+    found = stands & (excess > params.excess)
     # Lines at fifths make a tenth wave as well; lines at tenths of which every fifth is heavier make no
     # fifth wave.
     found = found & ~tf.stack([False, False, found[1] & ~found[0]])
     factors = tf.where(found, tf.constant(FINER, tf.float32), 1.0)
     error = tf.gather(sums.error, places, axis=1) / tf.exp(expected)
-    excluded = tf.reduce_all(reachable & (error < PARAMETERS.excluded), 0) & (excess < PARAMETERS.excess)
+    excluded = tf.reduce_all(reachable & (error < params.excluded), 0) & (excess < params.excess)
     return FinerLines(tf.reduce_max(factors), excess, excluded)
 
 
 @compile_stage
-def find_coarser(windows: Windows, predicted: tf.Tensor) -> tf.Tensor:
+def find_coarser(windows: Windows, predicted: tf.Tensor, *, params: LevelParams) -> tf.Tensor:
     """10, 5 or 1, float scalar: how many times farther apart the lines are than the fitted waves.
 
     The cells can take a harmonic of wide squares for lines. Where nothing is printed between the lines, the
@@ -171,13 +170,13 @@ def find_coarser(windows: Windows, predicted: tf.Tensor) -> tf.Tensor:
     doubled ones, would break the row.
     """
     rows = [np.array([7, 8, 9, 10, 11], np.float32) / 10, np.array([4, 6, 8, 10, 12], np.float32) / 10]
-    sums = sum_in_phase(windows, predicted, np.concatenate(rows))
+    sums = sum_in_phase(windows, predicted, np.concatenate(rows), params)
     logs = tf.math.log(tf.maximum(sums.amplitude, sums.error))
-    clear = sums.reachable & (sums.amplitude > PARAMETERS.clear * sums.error)
+    clear = sums.reachable & (sums.amplitude > params.clear * sums.error)
     found = []
     for row, seen in zip(tf.split(logs, 2, 1), tf.split(clear, 2, 1), strict=True):
         bends = row[:, :-2] + row[:, 2:] - 2 * row[:, 1:-1]
-        found.append(tf.reduce_all(seen) & (tf.reduce_max(tf.abs(bends)) < PARAMETERS.smooth))
+        found.append(tf.reduce_all(seen) & (tf.reduce_max(tf.abs(bends)) < params.smooth))
     return tf.where(found[0], 10.0, tf.where(found[1], 5.0, 1.0))
 
 
@@ -188,7 +187,7 @@ def _mean_by_square(low: tf.Tensor, high: tf.Tensor, below: int, order: int, abo
 
 
 @compile_stage
-def find_heavier(windows: Windows, predicted: tf.Tensor) -> HeavierLines:
+def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams) -> HeavierLines:
     """Which of the fitted lines are heavier, and whether they are the finest at all.
 
     Heavier lines make waves between the fitted ones. Doubled heavy fives can be stronger at 4/5 or 6/5 of the
@@ -196,17 +195,16 @@ def find_heavier(windows: Windows, predicted: tf.Tensor) -> HeavierLines:
     shows waves at quarters or sixths, and has none at fifths.
     """
     groups = [_TENTHS, _FIFTHS, _HALVES, _QUARTERS, _SIXTHS]
-    sums = sum_in_phase(windows, predicted, np.concatenate(groups))
+    sums = sum_in_phase(windows, predicted, np.concatenate(groups), params)
     signal = (sums.real**2 + sums.imaginary**2) / (sums.error**2 + 1e-9) * tf.cast(sums.reachable, tf.float32)
     parts = tf.split(signal, [len(group) for group in groups], axis=1)
     strength = tf.stack([tf.reduce_mean(part, 1) for part in parts])
-    p = PARAMETERS
-    there = (tf.reduce_mean(strength, 1) > p.heavy) & (tf.reduce_min(strength, 1) > p.heavy / 2)
+    there = (tf.reduce_mean(strength, 1) > params.heavy) & (tf.reduce_min(strength, 1) > params.heavy / 2)
     _, fifths, _, quarters, sixths = tf.unstack(strength)
-    wins = fifths[::-1] > p.heavy / 2
+    wins = fifths[::-1] > params.heavy / 2
     # Tens that are doubled as well make waves at quarters of 6/5 and at sixths of 4/5.
-    is_quarter = (quarters > p.harmonic) & (fifths < 0.25 * quarters) & wins & (quarters > sixths)
-    is_sixth = (sixths > p.harmonic) & (fifths < 0.25 * sixths) & wins & ~is_quarter
+    is_quarter = (quarters > params.harmonic) & (fifths < 0.25 * quarters) & wins & (quarters > sixths)
+    is_sixth = (sixths > params.harmonic) & (fifths < 0.25 * sixths) & wins & ~is_quarter
     factors = tf.where(is_quarter, 1.25, tf.where(is_sixth, 5 / 6, 1.0))
     share = tf.reduce_mean(sums.amplitude, 0)
     tenth_share, fifth_share = (

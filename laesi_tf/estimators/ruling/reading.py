@@ -1,25 +1,28 @@
 """Read the ruling of a photo from the network's answers: votes, windows, spectra, fit, as one TensorFlow
 function."""
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT
+from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.ruling.line_levels import (
     NO_FINER_LINES,
-    PARAMETERS,
     FinerLines,
     HeavierLines,
+    LevelParams,
     find_coarser,
     find_finer,
     find_heavier,
 )
-from laesi_tf.estimators.ruling.sheet_fit import SheetFit, fit_phases, fit_sheet
+from laesi_tf.estimators.ruling.sheet_fit import FitParams, SheetFit, fit_phases, fit_sheet
 from laesi_tf.estimators.ruling.sheet_waves import predict_waves, window_points
 from laesi_tf.estimators.ruling.spectra import (
     SIDE,
+    SearchParams,
     Windows,
     compute_power,
     cut_windows,
@@ -29,18 +32,30 @@ from laesi_tf.estimators.ruling.spectra import (
     measure_noise,
 )
 from laesi_tf.estimators.ruling.stage import compile_stage
-from laesi_tf.estimators.ruling.votes import Votes, choose_windows, collect_votes
+from laesi_tf.estimators.ruling.votes import VoteParams, Votes, choose_windows, collect_votes
 from laesi_tf.models.ruling_cells import CELL_PX, LEVELS, CellAnswers
 
 WINDOWS = 32
 _GRID = np.stack(np.meshgrid(*[np.arange(4, SIDE, 8, dtype=np.float32) - SIDE / 2] * 2), -1)
 """[16, 16, 2], places in a window, pixels from its middle."""
-_COARSEST_PX = 10.0
-"""Windows are cut at the finest level whose period is at most this, so that it is 5 to 10 pixels."""
-_SAME = 0.03
-"""Difference of ln factors up to which two readings of the families are one."""
-_ROOM_PX = 256
-"""The photo's shorter side has at least this many pixels at the windows' level."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingParams:
+    """Parameters of a reading and its stages."""
+
+    votes: VoteParams = field(default_factory=VoteParams)
+    search: SearchParams = field(default_factory=SearchParams)
+    fit: FitParams = field(default_factory=FitParams)
+    levels: LevelParams = field(default_factory=LevelParams)
+    coarsest_px: float = parameter(
+        10.0, unit="pixels of the level", set_on="periods of 5 to 10 pixels at the windows' level, 2026-11-29"
+    )
+    """Windows are cut at the finest level whose period is at most this."""
+    room_px: float = parameter(256.0, unit="pixels of the level", set_on="twice a window's side, 2026-11-29")
+    """The photo's shorter side has at least this many pixels at the windows' level."""
+    same_factors: float = parameter(0.03, unit="ln of frequency", set_on="data not recorded, 2026-11-29")
+    """Difference of the families' factors up to which two readings are one."""
 
 
 class Reading(NamedTuple):
@@ -54,22 +69,22 @@ class Reading(NamedTuple):
     heavier: HeavierLines
 
 
-def choose_level(period: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
+def choose_level(period: tf.Tensor, size: tf.Tensor, params: ReadingParams) -> tf.Tensor:
     """The pyramid level, int scalar, at which to measure lines of `period` frame pixels in a photo of `size`
     [2]."""
-    level = tf.math.ceil(tf.math.log(period / _COARSEST_PX) / tf.math.log(2.0))
-    room = tf.floor(tf.math.log(tf.reduce_min(size) / _ROOM_PX) / tf.math.log(2.0))
+    level = tf.math.ceil(tf.math.log(period / params.coarsest_px) / tf.math.log(2.0))
+    room = tf.floor(tf.math.log(tf.reduce_min(size) / params.room_px) / tf.math.log(2.0))
     return tf.cast(tf.clip_by_value(tf.minimum(level, room), 0.0, LEVELS - 1.0), tf.int32)
 
 
 def choose_surer(
-    one: tuple[SheetFit, HeavierLines], other: tuple[SheetFit, HeavierLines]
+    one: tuple[SheetFit, HeavierLines], other: tuple[SheetFit, HeavierLines], params: LevelParams
 ) -> tuple[SheetFit, HeavierLines]:
     """`other` where both of its families show heavier lines and not both of `one` do, or where it alone has
     both families at all."""
     (fit, heavier), (other_fit, other_heavier) = one, other
     is_faint = tf.reduce_min(fit.signal) < 0.25 * tf.reduce_min(other_fit.signal)
-    is_surer = other_heavier.surest > tf.maximum(PARAMETERS.heavy, 2 * heavier.surest)
+    is_surer = other_heavier.surest > tf.maximum(params.heavy, 2 * heavier.surest)
     return tf.cond(is_surer | is_faint, lambda: other, lambda: one)
 
 
@@ -81,9 +96,11 @@ def sample_cells(field: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
 
 
 @compile_stage
-def prepare_windows(pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, level: tf.Tensor) -> Windows:
+def prepare_windows(
+    pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, level: tf.Tensor, *, params: VoteParams
+) -> Windows:
     """Cut the windows of pyramid `level` where cells agree with the votes."""
-    middles, weights = choose_windows(votes, size, level=level, count=WINDOWS, side_px=SIDE)
+    middles, weights = choose_windows(votes, size, level=level, count=WINDOWS, side_px=SIDE, params=params)
     pixels = cut_windows(pyramid, level, middles, size)
     step = tf.pow(2.0, tf.cast(level, tf.float32))
     ruled = sample_cells(cover_ruling(votes.agreement), middles[:, None, None] + step * _GRID)
@@ -103,41 +120,46 @@ def cover_ruling(agreement: tf.Tensor) -> tf.Tensor:
     return tf.clip_by_value(2.5 * mean - 0.9, 0.0, 1.0)
 
 
-def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnswers]) -> Reading:
+def read_sheet(
+    pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnswers], *, params: ReadingParams
+) -> Reading:
     """Read the ruling of a photo in the corner of a frame, RGB of 0..255, of which `pyramid` has all LEVELS.
 
     `size` [2] is the photo's (height, width), float; `answers` are those of all LEVELS of its pyramid.
     """
-    votes = collect_votes(answers)
-    level = choose_level(votes.period_px, size)
-    windows = prepare_windows(pyramid, size, votes, level)
+    votes = collect_votes(answers, params=params.votes)
+    level = choose_level(votes.period_px, size, params)
+    windows = prepare_windows(pyramid, size, votes, level, params=params.votes)
     power = compute_power(windows.ink)
     length = windows.step / tf.exp(sample_cells(votes.log_period, windows.middles))
     direction = sample_cells(votes.direction, windows.middles)
 
     def fit_families(factors: tf.Tensor) -> tuple[SheetFit, HeavierLines]:
-        frequency = find_peaks(power, windows.ink, length, direction, factors)
+        frequency = find_peaks(power, windows.ink, length, direction, factors, params=params.search)
         noise = measure_noise(power, length[:, None] * tf.exp(factors))
-        fit = fit_sheet(windows, noise, frequency, size)
-        return fit, find_heavier(windows, predict_in(windows, size, fit.parameters))
+        fit = fit_sheet(windows, noise, frequency, size, params=params.fit)
+        return fit, find_heavier(windows, predict_in(windows, size, fit.parameters), params=params.levels)
 
-    square, stretched = find_families(power, windows.weights, length, direction)
+    square, stretched = find_families(power, windows.weights, length, direction, params=params.search)
     fit, heavier = fit_families(square)
     fit, heavier = tf.cond(
-        (tf.reduce_max(tf.abs(square - stretched)) > _SAME) & (heavier.surest < PARAMETERS.heavy),
-        lambda: choose_surer((fit, heavier), fit_families(stretched)),
+        (tf.reduce_max(tf.abs(square - stretched)) > params.same_factors)
+        & (heavier.surest < params.levels.heavy),
+        lambda: choose_surer((fit, heavier), fit_families(stretched), params.levels),
         lambda: (fit, heavier),
     )
-    coarser = find_coarser(windows, predict_in(windows, size, fit.parameters))
+    coarser = find_coarser(windows, predict_in(windows, size, fit.parameters), params=params.levels)
     is_harmonic = tf.reduce_any(tf.abs(heavier.factors - 1) > 0.1) | (coarser > 1.5)
 
     def look_closer() -> tuple[Windows, FinerLines]:
-        fine_level = choose_level(votes.period_px / 5, size)
+        fine_level = choose_level(votes.period_px / 5, size, params)
         fine = tf.cond(
-            fine_level < level, lambda: prepare_windows(pyramid, size, votes, fine_level), lambda: windows
+            fine_level < level,
+            lambda: prepare_windows(pyramid, size, votes, fine_level, params=params.votes),
+            lambda: windows,
         )
         fine = Windows(*(tf.ensure_shape(new, old.shape) for new, old in zip(fine, windows, strict=True)))
-        return fine, find_finer(fine, predict_in(fine, size, fit.parameters))
+        return fine, find_finer(fine, predict_in(fine, size, fit.parameters), params=params.levels)
 
     # Lines of which every fifth or tenth is heavier are the finest already.
     is_finest = is_harmonic | heavier.fifth | heavier.tenth
@@ -151,8 +173,10 @@ def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnsw
         used = Windows(*(tf.where(is_harmonic, old, new) for old, new in zip(windows, fine, strict=True)))
         points = window_points(used, size)[0]
         lengths = tf.norm(predict_waves(scaled, points)[..., :2], axis=-1)
-        again = fit_phases(used, measure_noise(compute_power(used.ink), lengths), points, scaled)
-        return again, find_heavier(used, predict_waves(again.parameters, points))
+        again = fit_phases(
+            used, measure_noise(compute_power(used.ink), lengths), points, scaled, params=params.fit
+        )
+        return again, find_heavier(used, predict_waves(again.parameters, points), params=params.levels)
 
     fit, heavier = tf.cond(is_harmonic | (factor > 1.5), refit, lambda: (fit, heavier))
     is_coarser = coarser > 1.5

@@ -1,22 +1,33 @@
 """The camera between a photo and its sheet of paper: homography, radial distortion and bend, in NumPy."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from laesi_tf.common.sheet_model import FOCAL, SheetModel, to_lines
+from laesi_tf.estimators.parameters import parameter
 
 _DIFFERENCE = 1e-4
 """Step of numerical derivatives, in half the photo's longer side."""
-_WAVY = 0.06
-"""Relative error of the scale per period of `phase_error`: waves of the paper move neighbouring lines
-together, so that the covariance, which takes windows as independent, misses them. 20 of 30 photos of
-`rendered` (split develop) are within one standard deviation with it. Set on 28 November 2026."""
-_FLOOR = 0.0003
-"""Relative standard deviation of the scale that stays with the clearest ruling. Set as `_WAVY`."""
 _FOCALS = 0.5, 3.0
 """Focal lengths that are believed: an ultra-wide camera, and a photo cropped to a quarter."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaleErrorParams:
+    """Parameters of the error of a camera's scale."""
+
+    waviness: float = parameter(
+        0.06,
+        unit="share of the scale per period",
+        set_on="rendered (split develop), where 20 of 30 photos are within one standard deviation with it; "
+        "2026-11-28",
+    )
+    """Error by the distance of the lines from the fit: waves of the paper move neighbouring lines together,
+    so that the covariance, which takes windows as independent, misses them."""
+    floor: float = parameter(0.0003, unit="share of the scale", set_on="as waviness")
+    """Standard deviation that stays with the clearest ruling."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +50,7 @@ class SheetCamera:
     """Distance of the finest lines."""
     phase_error: float = 0.0
     """Median distance of the printed lines from the fit, periods."""
+    error_params: ScaleErrorParams = field(default_factory=ScaleErrorParams)
 
     def to_sheet(self, points: np.ndarray) -> np.ndarray:
         """Sheet millimetres [..., 2] of photo `points` [..., 2]."""
@@ -87,7 +99,7 @@ class SheetCamera:
                     2 * step
                 )
         of_fit = math.sqrt(max(gradient @ self.covariance @ gradient, 0.0)) / 2
-        return math.hypot(of_fit, _WAVY * self.phase_error, _FLOOR)
+        return math.hypot(of_fit, self.error_params.waviness * self.phase_error, self.error_params.floor)
 
     def tilt_deg(self) -> float:
         """Angle between the camera's axis and the paper's normal at the photo's middle, degrees.

@@ -6,16 +6,18 @@ the marginal likelihood of nested models (Laplace's approximation), so that a fl
 photo is fitted by a homography.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT
+from laesi_tf.estimators.parameters import RENDERED, parameter
 from laesi_tf.estimators.ruling.least_squares import solve_normal
 from laesi_tf.estimators.ruling.sheet_waves import (
     Measured,
+    WaveParams,
     masked_median,
     measure,
     predict_waves,
@@ -28,39 +30,43 @@ from laesi_tf.estimators.ruling.spectra import Windows
 from laesi_tf.estimators.ruling.stage import compile_stage
 
 
-@dataclass(frozen=True)
-class FitParameters:
-    """Set on 28 November 2026 on `rendered` (split develop) and every ninth photo of semireal's split
-    train."""
+@dataclass(frozen=True, kw_only=True)
+class FitParams:
+    """Parameters of the fit of a sheet."""
 
-    tilt_prior: float = 0.3
-    k1_prior: float = 0.04
-    """Standard deviation of radial distortion at the photo's longer side: phones have up to 0.05."""
-    centre_prior: float = 0.3
-    """Of the centre of distortion, in half the longer side: photos are cropped."""
-    agreeing_phase: float = 0.06
-    """A window agrees with the fit if its lines are this near to the fitted ones, periods, or within four
-    medians."""
-    correlation: float = 4.0
+    waves: WaveParams = field(default_factory=WaveParams)
+    tilt_prior: float = parameter(0.3, unit="share of the camera's distance", set_on=RENDERED)
+    """Standard deviation of its change over half the longer side, which the tilt makes."""
+    k1_prior: float = parameter(0.04, unit="share of the radius", set_on=RENDERED)
+    """Standard deviation of radial distortion at half the longer side from the middle: phones have up to
+    0.05."""
+    centre_prior: float = parameter(0.3, unit="half the longer side", set_on=RENDERED)
+    """Standard deviation of the centre of distortion: photos are cropped."""
+    agreeing_phase: float = parameter(0.06, unit="periods", set_on=RENDERED)
+    """A window agrees with the fit if its lines are this near to the fitted ones, or within four medians."""
+    correlation: float = parameter(4.0, unit="windows", set_on=RENDERED)
     """Windows overlap and waves of the paper move neighbours together: so many windows count as one."""
-    least_variance: float = 0.05
-    """Least variance of the normalised residuals: fewer windows than parameters must not seem perfect."""
-    bend_prior: float = 0.02
-    """Of the sheet's rise over the camera's distance, at half the longer side from the middle."""
+    least_variance: float = parameter(0.05, unit="normalised residuals squared", set_on=RENDERED)
+    """Least variance of the residuals: fewer windows than parameters must not seem perfect."""
+    bend_prior: float = parameter(0.02, unit="share of the camera's distance", set_on=RENDERED)
+    """Standard deviation of the sheet's rise at half the longer side from the middle."""
+
+    @property
+    def priors(self) -> np.ndarray:
+        """Standard deviations [COUNT] of the sheet's parameters about 0."""
+        return np.array(
+            [_WIDE] * 6
+            + [self.tilt_prior] * 2
+            + [self.k1_prior]
+            + [self.centre_prior] * 2
+            + [self.bend_prior] * 3,
+            np.float32,
+        )
 
 
-PARAMETERS = FitParameters()
 _WIDE = 1e4
 _STEPS = np.array([0.1] * 2 + [0.5] * 4 + [0.01] * 2 + [0.01] + [0.05] * 2 + [0.01] * 3, np.float32)
 """Differences for the numerical derivatives, by parameter."""
-_PRIORS = np.array(
-    [_WIDE] * 6
-    + [PARAMETERS.tilt_prior] * 2
-    + [PARAMETERS.k1_prior]
-    + [PARAMETERS.centre_prior] * 2
-    + [PARAMETERS.bend_prior] * 3,
-    np.float32,
-)
 _AFFINE = np.array([1] * 6 + [0] * 8, np.float32)
 _FLAT = np.array([1] * 8 + [0] * 6, np.float32)
 _LENS = np.array([1] * 9 + [0] * 5, np.float32)
@@ -131,14 +137,16 @@ def step_parameters(
 
 
 @compile_stage
-def fit_frequencies(start: tf.Tensor, points: tf.Tensor, measured: Measured, rounds: tf.Tensor) -> tf.Tensor:
+def fit_frequencies(
+    start: tf.Tensor, points: tf.Tensor, measured: Measured, rounds: tf.Tensor, *, params: FitParams
+) -> tf.Tensor:
     """Parameters [COUNT] fitted to the windows' frequencies alone in `rounds` steps, int scalar; lens and
     bend as far as their priors let them."""
     use = np.array([1, 1, 0], np.float32)
     full = measured.weights[..., None] * use
     windows = tf.reduce_sum(tf.cast(measured.weights > 0, tf.float32)) / 2
     free = tf.where(windows < 4, _AFFINE, tf.where(windows < 8, _FLAT, _BENT_LENS))
-    priors = tf.where(free > 0, _PRIORS, _FIXED)
+    priors = tf.where(free > 0, params.priors, _FIXED)
 
     def improve(turn: tf.Tensor, parameters: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
         weight, _ = robust_weights(residuals(parameters, points, measured), full)
@@ -151,22 +159,24 @@ def fit_frequencies(start: tf.Tensor, points: tf.Tensor, measured: Measured, rou
 
 
 @compile_stage
-def fit_sheet(windows: Windows, noise: tf.Tensor, frequency: tf.Tensor, size: tf.Tensor) -> SheetFit:
+def fit_sheet(
+    windows: Windows, noise: tf.Tensor, frequency: tf.Tensor, size: tf.Tensor, *, params: FitParams
+) -> SheetFit:
     """Fit the sheet to `windows` with `noise` [N, 2] whose families are near `frequency` [N, 2, 2].
 
     `size` [2] is the photo's (height, width) in frame pixels.
     """
     points, pixel = window_points(windows, size)
-    measured, _ = measure(windows, noise, frequency)
+    measured, _ = measure(windows, noise, frequency, params=params.waves)
     share = measured.weights[..., None] / (tf.reduce_sum(measured.weights, 0)[:, None] + 1e-6)
     slopes = tf.reduce_sum(share * measured.values[..., :2], 0) / pixel
     start = tf.concat([tf.zeros([2]), tf.reshape(slopes, [4]), tf.zeros([COUNT - 6])], 0)
-    parameters = fit_frequencies(start, points, measured, tf.constant(6))
+    parameters = fit_frequencies(start, points, measured, tf.constant(6), params=params)
     for _ in range(2):
         at = predict_waves(parameters, points)[..., :2]
-        measured, _ = measure(windows, noise, at)
-        parameters = fit_frequencies(parameters, points, measured, tf.constant(3))
-    return fit_phases(windows, noise, points, parameters)
+        measured, _ = measure(windows, noise, at, params=params.waves)
+        parameters = fit_frequencies(parameters, points, measured, tf.constant(3), params=params)
+    return fit_phases(windows, noise, points, parameters, params=params)
 
 
 @compile_stage
@@ -190,15 +200,17 @@ def _improve_models(
 
 
 @compile_stage
-def fit_phases(windows: Windows, noise: tf.Tensor, points: tf.Tensor, parameters: tf.Tensor) -> SheetFit:
+def fit_phases(
+    windows: Windows, noise: tf.Tensor, points: tf.Tensor, parameters: tf.Tensor, *, params: FitParams
+) -> SheetFit:
     """Fit the phases of all windows from `parameters` [COUNT] that their frequencies were fitted with."""
     middles = windows.middles / windows.step
-    priors = tf.constant(np.where(MODELS > 0, _PRIORS, _FIXED))
+    priors = tf.constant(np.where(MODELS > 0, params.priors, _FIXED))
     several = tf.tile(parameters[None], [len(MODELS), 1])
     at = parameters
     for turn in range(2):
         predicted = predict_waves(at, points)
-        measured, signal = measure(windows, noise, predicted[..., :2])
+        measured, signal = measure(windows, noise, predicted[..., :2], params=params.waves)
         residual = measured.values - predicted
         if turn == 0:
             phase = unwrap(
@@ -211,11 +223,11 @@ def fit_phases(windows: Windows, noise: tf.Tensor, points: tf.Tensor, parameters
         full = measured.weights[..., None] * tf.ones([3])
         several, weight = _improve_models(several, points, measured, full, priors)
         at = several[-1]
-    chosen, covariance, model, log_evidence = choose_model(several, points, measured, weight, priors)
+    chosen, covariance, model, log_evidence = choose_model(several, points, measured, weight, priors, params)
     off = tf.abs(residuals(chosen, points, measured)[..., 2] * measured.errors[..., 2])
     used = measured.weights > 0
     phase_error = masked_median(tf.reshape(off, [-1]), tf.reshape(used, [-1]))
-    agree = tf.reduce_all(used & (off < tf.maximum(4 * phase_error, PARAMETERS.agreeing_phase)), 1)
+    agree = tf.reduce_all(used & (off < tf.maximum(4 * phase_error, params.agreeing_phase)), 1)
     return SheetFit(
         parameters=chosen,
         covariance=covariance,
@@ -228,7 +240,12 @@ def fit_phases(windows: Windows, noise: tf.Tensor, points: tf.Tensor, parameters
 
 
 def choose_model(
-    several: tf.Tensor, points: tf.Tensor, measured: Measured, weight: tf.Tensor, priors: tf.Tensor
+    several: tf.Tensor,
+    points: tf.Tensor,
+    measured: Measured,
+    weight: tf.Tensor,
+    priors: tf.Tensor,
+    params: FitParams,
 ) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor]:
     """Parameters [COUNT] and covariance of the most probable of the fitted models [M, COUNT].
 
@@ -238,8 +255,8 @@ def choose_model(
     several, normal, found = step_parameters(several, points, measured, weight, priors)
     cost = tf.reduce_sum(found**2 * weight, [1, 2, 3])
     rows = tf.reduce_sum(weight)
-    variance = tf.maximum(cost[-1] / tf.maximum(rows - COUNT, 3.0), PARAMETERS.least_variance)
-    variance *= PARAMETERS.correlation
+    variance = tf.maximum(cost[-1] / tf.maximum(rows - COUNT, 3.0), params.least_variance)
+    variance *= params.correlation
     inside = tf.linalg.diag(1 / priors**2)
     normal = (normal - inside) / variance + inside
     inverse, log_determinant = solve_normal(normal, tf.eye(COUNT, batch_shape=[several.shape[0]]))

@@ -4,6 +4,7 @@ All that looks at pixels is TensorFlow. Only a photo whose lines are too fine fo
 resolution is looked at in full: three quarters of the network's work is there.
 """
 
+import copy
 from dataclasses import replace
 from typing import Any
 
@@ -15,42 +16,38 @@ import tensorflow as tf
 from laesi_tf.common.arrays import Points
 from laesi_tf.estimators.photo_pyramid import Crop
 from laesi_tf.estimators.ruling.judge import SheetReading, judge_reading
+from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
+from laesi_tf.estimators.ruling.resolution import needs_full_resolution, no_answers
 from laesi_tf.estimators.ruling.spectra import build_pyramid
 from laesi_tf.estimators.ruling.stage import compile_stage
-from laesi_tf.estimators.ruling.votes import PARAMETERS as VOTES
-from laesi_tf.estimators.ruling.votes import collect_votes
 from laesi_tf.models.ruling_cells import (
     CELL_PX,
-    DIRECTION_BINS,
     FRAME_CELLS,
     FRAME_PX,
     LEVELS,
-    PERIOD_BINS,
     CellAnswers,
 )
 from laesi_tf.models.ruling_network import build_ruling_network, to_answers
 
-_ENOUGH_CELLS = 40
-"""Readable cells at a coarse level that make the full resolution superfluous."""
-_MANY_HIDDEN = 0.2
-"""Share of the readable cells that may hide finer lines, from which the full resolution is needed."""
-_FINE_PERIOD_PX = 9.0
-"""Frame pixels per period below which coarse levels do not suffice: thin lines that are averaged to less than
-4.5 pixels per period make others appear. Set on 29 November 2026 on `cases`."""
 _USED_PX = (FRAME_PX // 2, FRAME_PX * 3 // 4, FRAME_PX)
-_SURE_OF_AGREEMENT = 0.3
-"""Cells of the frame whose mean agreement over levels is above this belong to the ruled sheet."""
 
 
 class SheetReader:
     """Reads rulings with a trained network."""
 
-    def __init__(self, network: keras.Model) -> None:
+    def __init__(self, network: keras.Model, params: RulingReaderParams | None = None) -> None:
         """Take a ruling network of any input size, [B, h, w, 3] -> logits."""
+        self.params = params or RulingReaderParams()
         self._network = build_ruling_network()
         self._network.set_weights(network.get_weights())
         self._ask = compile_stage(self._ask_network)
+
+    def with_params(self, params: RulingReaderParams) -> "SheetReader":
+        """Return a reader with the same network and other parameters."""
+        changed = copy.copy(self)
+        changed.params = params
+        return changed
 
     def read(self, overview: Crop, *, grid_mm: float | None) -> SheetReading:
         """Read the ruling of a photo in its `overview`, of at most FRAME_PX pixels.
@@ -69,8 +66,15 @@ class SheetReader:
             ),
         )
         step_x, step_y = overview.pixel_size
-        judged = judge_reading(reading, (height, width), (float(step_x), float(step_y)), grid_mm=grid_mm)
-        return replace(judged, outline=outline_sheet(reading.votes.agreement, overview))
+        judged = judge_reading(
+            reading,
+            (height, width),
+            (float(step_x), float(step_y)),
+            grid_mm=grid_mm,
+            params=self.params.judge,
+        )
+        outline = outline_sheet(reading.votes.agreement, overview, self.params.sheet_agreement)
+        return replace(judged, outline=outline)
 
     def read_frame(
         self, frame: tf.Tensor, size: tf.Tensor, *, used: tuple[int, int] = (FRAME_PX, FRAME_PX)
@@ -86,8 +90,9 @@ class SheetReader:
             return self._ask(pyramid[level], size / 2.0**level, FRAME_CELLS >> level)
 
         coarse = [ask(level) for level in range(1, LEVELS)]
-        fine = tf.cond(needs_full_resolution(coarse), lambda: ask(0), _no_answers)
-        return read_sheet(pyramid, size, [fine, *coarse])
+        is_unsure = needs_full_resolution(coarse, self.params.resolution, self.params.reading.votes)
+        fine = tf.cond(is_unsure, lambda: ask(0), no_answers)
+        return read_sheet(pyramid, size, [fine, *coarse], params=self.params.reading)
 
     def _ask_network(self, image: tf.Tensor, size: tf.Tensor, cells: int) -> CellAnswers:
         """Return the answers for `image` [h, w, 3] of which the upper left `size` [2] is the photo.
@@ -107,36 +112,12 @@ def _round_up(side: int) -> int:
     return next(size for size in _USED_PX if size >= side)
 
 
-def _no_answers() -> CellAnswers:
-    cells: list[int] = [FRAME_CELLS, FRAME_CELLS]
-    return CellAnswers(
-        readable=tf.zeros(cells),
-        periods=tf.zeros([*cells, PERIOD_BINS]),
-        directions=tf.zeros([*cells, DIRECTION_BINS]),
-        finest_uncertain=tf.zeros(cells),
-    )
-
-
-def needs_full_resolution(coarse: list[CellAnswers]) -> tf.Tensor:
-    """Return whether the coarse levels show too few lines, lines too fine for them, or lines that may hide
-    finer ones."""
-    readable = [tf.cast(cells.readable > VOTES.sure, tf.float32) for cells in coarse]
-    counts = tf.stack([tf.reduce_sum(flags) for flags in readable])
-    hidden = tf.stack(
-        [tf.reduce_sum(flags * cells.finest_uncertain) for flags, cells in zip(readable, coarse, strict=True)]
-    )
-    best = tf.argmax(counts)
-    period = collect_votes([_no_answers(), *coarse]).period_px
-    is_unsure = (counts[best] < _ENOUGH_CELLS) | (hidden[best] > _MANY_HIDDEN * counts[best])
-    return is_unsure | (period < _FINE_PERIOD_PX)
-
-
-def outline_sheet(agreement: np.ndarray, overview: Crop) -> Points | None:
+def outline_sheet(agreement: np.ndarray, overview: Crop, least: float) -> Points | None:
     """Return the convex outline [N, 2], photo pixels, of the cells that show the ruling; None without any.
 
-    `agreement` [C, C] is that of `Votes`.
+    `agreement` [C, C] is that of `Votes`; cells with more than the `least` belong to the sheet.
     """
-    rows, columns = np.nonzero(agreement > _SURE_OF_AGREEMENT)
+    rows, columns = np.nonzero(agreement > least)
     if len(rows) < 3:
         return None
     corners = np.concatenate([np.stack([columns + i, rows + j], 1) for i in (0, 1) for j in (0, 1)])

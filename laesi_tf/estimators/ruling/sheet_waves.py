@@ -7,6 +7,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import SheetModel, to_lines
+from laesi_tf.estimators.parameters import RENDERED, parameter
 from laesi_tf.estimators.ruling.spectra import SIDE, SPREAD_PX, Windows, measure_waves
 from laesi_tf.estimators.ruling.stage import compile_stage
 
@@ -17,19 +18,16 @@ _PHASE_SHARE = 2 * SPREAD_PX**2 / _REACH_PX**2
 """The mean of a quadratic phase over the window, by the mean over its four outer points."""
 
 
-@dataclass(frozen=True)
-class MeasureParameters:
-    """Set on 28 November 2026 on `rendered` (split develop) and every ninth photo of semireal's train."""
+@dataclass(frozen=True, kw_only=True)
+class WaveParams:
+    """Parameters of the waves that are measured."""
 
-    frequency_floor: float = 0.0015
-    """Relative error of a window's frequency that no signal removes: uneven print and paper."""
-    phase_floor: float = 0.012
-    """The same of a phase, in periods."""
-    faintest: float = 6.0
-    """Power of a wave over the noise at which it counts."""
-
-
-PARAMETERS = MeasureParameters()
+    frequency_floor: float = parameter(0.0015, unit="share of the frequency", set_on=RENDERED)
+    """Error of a window's frequency that no signal removes: uneven print and paper."""
+    phase_floor: float = parameter(0.012, unit="periods", set_on=RENDERED)
+    """The same of a phase."""
+    faintest: float = parameter(6.0, unit="power over the noise", set_on=RENDERED)
+    """A wave counts from this power."""
 
 
 class Measured(NamedTuple):
@@ -69,17 +67,19 @@ def predict_waves(parameters: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
 
 
 @compile_stage
-def measure(windows: Windows, noise: tf.Tensor, frequency: tf.Tensor) -> tuple[Measured, tf.Tensor]:
+def measure(
+    windows: Windows, noise: tf.Tensor, frequency: tf.Tensor, *, params: WaveParams
+) -> tuple[Measured, tf.Tensor]:
     """Measure both families at `frequency` [N, 2, 2], which is near to theirs; and their signal to noise [N,
     2]."""
     waves = measure_waves(windows.ink, frequency)
     length = tf.norm(frequency, axis=-1)
     signal = waves.power / noise
     near = tf.norm(waves.correction, axis=-1) < tf.minimum(1.2 / SIDE, 0.09 * length)
-    weight = windows.weights[:, None] * tf.cast((signal > PARAMETERS.faintest) & near, tf.float32)
+    weight = windows.weights[:, None] * tf.cast((signal > params.faintest) & near, tf.float32)
     turn = 1 / (2 * np.pi * tf.sqrt(2 * signal + 1e-6))
-    error_f = tf.sqrt((turn / SPREAD_PX) ** 2 + (PARAMETERS.frequency_floor * length) ** 2)
-    error_p = tf.sqrt(turn**2 + PARAMETERS.phase_floor**2)
+    error_f = tf.sqrt((turn / SPREAD_PX) ** 2 + (params.frequency_floor * length) ** 2)
+    error_p = tf.sqrt(turn**2 + params.phase_floor**2)
     phase = tf.atan2(waves.imaginary, waves.real) / (2 * np.pi)
     values = tf.concat([frequency + waves.correction, phase[..., None]], -1)
     return Measured(values, tf.stack([error_f, error_f, error_p], -1), weight), signal

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.estimators.parameters import RENDERED, parameter
 from laesi_tf.estimators.ruling.stage import compile_stage
 
 SIDE = 128
@@ -20,29 +21,26 @@ SPREAD_PX = float(np.sqrt((_HANN * _STEPS**2).sum() / _HANN.sum()))
 """Standard deviation of the Hann window as a weight, 23.1 pixels: what a wave is averaged over."""
 
 
-@dataclass(frozen=True)
-class SearchParameters:
-    """Set on 28 November 2026 on `rendered` (split develop) and every ninth photo of semireal's split
-    train."""
+@dataclass(frozen=True, kw_only=True)
+class SearchParams:
+    """Parameters of the search for the waves of both families near the cells' answers."""
 
-    ratio_reach: float = 0.21
-    """A family's frequency lies within this, in ln, of what the cells say: unequal pitches differ by 0.22."""
-    ratio_steps: int = 43
-    turn_reach: float = 0.14
-    """Radians between the direction that cells say and the lines."""
-    turn_steps: int = 9
-    common_spread: float = 0.05
-    """Standard deviation of ln of the families' mean frequency about the cells' answer."""
-    unequal_spread: float = 0.08
+    ratio_reach: float = parameter(0.21, unit="ln of frequency", set_on=RENDERED)
+    """A family's frequency lies within this of what the cells say: unequal pitches differ by 0.22."""
+    ratio_steps: int = parameter(43, unit="steps", set_on=RENDERED)
+    turn_reach: float = parameter(0.14, unit="radians", set_on=RENDERED)
+    """Greatest angle between the direction that cells say and the lines."""
+    turn_steps: int = parameter(9, unit="steps", set_on=RENDERED)
+    common_spread: float = parameter(0.05, unit="ln of frequency", set_on=RENDERED)
+    """Standard deviation of the families' mean frequency about the cells' answer."""
+    unequal_spread: float = parameter(0.08, unit="ln of frequency", set_on=RENDERED)
     """The same of half the difference between the families, where photos may be stretched."""
-    equal_spread: float = 0.02
+    equal_spread: float = parameter(0.02, unit="ln of frequency", set_on=RENDERED)
     """The same where pixels are square."""
-    peak_reach: float = 0.06
-    """A window's own peak lies within this, in ln, of what all windows say; 4/5 and 6/5 waves stay
-    outside."""
+    peak_reach: float = parameter(0.06, unit="ln of frequency", set_on=RENDERED)
+    """A window's own peak lies within this of what all windows say; 4/5 and 6/5 waves stay outside."""
 
 
-SEARCH = SearchParameters()
 _SAMPLED = np.sort(np.random.default_rng(0).permutation(SIDE - 3)[: SIDE // 8])
 """Rows and columns that tell the ink's colour; evenly spaced ones would miss lines of the same spacing."""
 
@@ -211,16 +209,15 @@ def measure_waves(ink: tf.Tensor, frequency: tf.Tensor) -> Waves:
 
 @compile_stage
 def find_families(
-    power: tf.Tensor, weights: tf.Tensor, length: tf.Tensor, direction: tf.Tensor
+    power: tf.Tensor, weights: tf.Tensor, length: tf.Tensor, direction: tf.Tensor, *, params: SearchParams
 ) -> tuple[tf.Tensor, tf.Tensor]:
     """ln of the factors [2] between the families' frequencies and what the cells say, common to all windows.
 
     `length` [N] (periods per pixel) and `direction` [N] (radians) are the cells' answers. The first result is
     for square pixels, the second for photos that may be stretched.
     """
-    p = SEARCH
-    ratios = np.linspace(-p.ratio_reach, p.ratio_reach, p.ratio_steps, dtype=np.float32)
-    turns = np.linspace(-p.turn_reach, p.turn_reach, p.turn_steps, dtype=np.float32)
+    ratios = np.linspace(-params.ratio_reach, params.ratio_reach, params.ratio_steps, dtype=np.float32)
+    turns = np.linspace(-params.turn_reach, params.turn_reach, params.turn_steps, dtype=np.float32)
     seen = tf.math.log(read_power(power, _polar(length, direction, ratios, turns)) + 1e-6)
     along = tf.reduce_max(seen, -1)
     along -= tf.reduce_mean(along, -1, keepdims=True)
@@ -230,23 +227,30 @@ def find_families(
     difference = (ratios[:, None] - ratios) / 2
 
     def find_best(spread: float) -> tf.Tensor:
-        prior = (mean / p.common_spread) ** 2 + (difference / spread) ** 2
+        prior = (mean / params.common_spread) ** 2 + (difference / spread) ** 2
         joint = score[0][:, None] + score[1] - 0.5 * total * prior
         best = tf.argmax(tf.reshape(joint, [-1]), output_type=tf.int32)
-        return tf.stack([tf.gather(ratios, best // p.ratio_steps), tf.gather(ratios, best % p.ratio_steps)])
+        return tf.stack(
+            [tf.gather(ratios, best // params.ratio_steps), tf.gather(ratios, best % params.ratio_steps)]
+        )
 
-    return find_best(p.equal_spread), find_best(p.unequal_spread)
+    return find_best(params.equal_spread), find_best(params.unequal_spread)
 
 
 @compile_stage
 def find_peaks(
-    power: tf.Tensor, ink: tf.Tensor, length: tf.Tensor, direction: tf.Tensor, factors: tf.Tensor
+    power: tf.Tensor,
+    ink: tf.Tensor,
+    length: tf.Tensor,
+    direction: tf.Tensor,
+    factors: tf.Tensor,
+    *,
+    params: SearchParams,
 ) -> tf.Tensor:
     """Frequencies [N, 2 families, 2] of the strongest waves near the cells' answers times exp(`factors`
     [2])."""
-    p = SEARCH
-    ratios = np.linspace(-p.peak_reach, p.peak_reach, 7, dtype=np.float32)
-    turns = np.linspace(-1.5 * p.turn_reach, 1.5 * p.turn_reach, 13, dtype=np.float32)
+    ratios = np.linspace(-params.peak_reach, params.peak_reach, 7, dtype=np.float32)
+    turns = np.linspace(-1.5 * params.turn_reach, 1.5 * params.turn_reach, 13, dtype=np.float32)
     around = _polar(length, direction, ratios, turns, factors)
     count = length.shape[0]
     flat = tf.reshape(around, [count, 2, -1, 2])

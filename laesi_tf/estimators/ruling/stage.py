@@ -6,14 +6,34 @@ nothing; within another graph, as for export, the stages are called like any ope
 """
 
 from collections.abc import Callable
+from functools import lru_cache, partial, wraps
 from typing import Any, TypeVar, cast
 
 import tensorflow as tf
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+_KEPT = 4
+"""Values of a stage's parameters whose graphs are kept, so that benchmarks of many do not fill the memory."""
+
 
 def compile_stage(function: Function) -> Function:
-    """Return `function` of tensors and tuples of tensors, compiled when it is called first."""
-    compiled = tf.function(function, autograph=False, experimental_attributes={"_noinline": True})
-    return cast(Function, compiled)
+    """Return `function`, compiled when it is called first.
+
+    Its positional arguments are tensors and tuples of tensors. Its keywords are parameters, frozen
+    dataclasses; each of their values is traced by itself.
+    """
+
+    # By value, as tf.function would forget a trace with the object that it was made for.
+    @lru_cache(_KEPT)
+    def compile_for(**params: Any) -> Callable[..., Any]:
+        stage = partial(function, **params)
+        # Graphs and profiles show it.
+        stage.__name__ = function.__name__  # type: ignore[attr-defined]
+        return tf.function(stage, autograph=False, experimental_attributes={"_noinline": True})
+
+    @wraps(function)
+    def call(*tensors: Any, **params: Any) -> Any:
+        return compile_for(**params)(*tensors)
+
+    return cast(Function, call)

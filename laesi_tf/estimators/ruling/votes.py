@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import tensorflow as tf
 
+from laesi_tf.estimators.parameters import RENDERED, parameter
 from laesi_tf.estimators.ruling.stage import compile_stage
 from laesi_tf.models.ruling_cells import (
     BINS_PER_OCTAVE,
@@ -20,24 +21,20 @@ from laesi_tf.models.ruling_cells import (
 )
 
 
-@dataclass(frozen=True)
-class VoteParameters:
-    """Set on 28 November 2026 on `rendered` (split develop) and every ninth photo of semireal's split
-    train."""
+@dataclass(frozen=True, kw_only=True)
+class VoteParams:
+    """Parameters of the votes of cells."""
 
-    sure: float = 0.5
-    """Probability from which a cell counts as readable."""
-    agreeing_bins: float = 2.4
-    """Cells whose period lies within this many bins (of 8.7 %) of the winner's agree with it."""
-    apart_bins: int = 4
+    sure: float = parameter(0.5, unit="probability", set_on=RENDERED)
+    """From it a cell counts as readable."""
+    agreeing_bins: float = parameter(2.4, unit="bins of 8.7 %", set_on=RENDERED)
+    """Cells whose period lies within this many bins of the winner's agree with it."""
+    apart_bins: int = parameter(4, unit="bins of 8.7 %", set_on=RENDERED)
     """A rival period is farther from the winner than this."""
-    apart_share: float = 0.4
-    """Middles of two windows are at least this share of a window apart."""
-    smoothing_cells: int = 5
-    """Side of the square over which local periods and directions are averaged, cells of the frame."""
-
-
-PARAMETERS = VoteParameters()
+    apart_share: float = parameter(0.4, unit="share of a window's side", set_on=RENDERED)
+    """Middles of two windows are at least this far apart."""
+    smoothing_cells: int = parameter(5, unit="cells of the frame", set_on=RENDERED)
+    """Side of the square over which local periods and directions are averaged."""
 
 
 class Votes(NamedTuple):
@@ -59,18 +56,18 @@ class Votes(NamedTuple):
     """[FRAME_CELLS, FRAME_CELLS], radians, direction across the first family's lines, in one branch."""
 
 
-def count_votes(answers: list[CellAnswers]) -> tf.Tensor:
+def count_votes(answers: list[CellAnswers], params: VoteParams) -> tf.Tensor:
     """Votes [VOTE_BINS] for every period in pixels of the frame; a cell of level l counts 2^l times."""
     total = tf.zeros([VOTE_BINS])
     for level, cells in enumerate(answers):
-        sure = tf.where(cells.readable > PARAMETERS.sure, cells.readable, 0.0)
+        sure = tf.where(cells.readable > params.sure, cells.readable, 0.0)
         here = tf.reduce_sum(sure[..., None] * cells.periods, [0, 1]) * 2.0**level
         shift = BINS_PER_OCTAVE * level
         total += tf.pad(here, [[shift, VOTE_BINS - PERIOD_BINS - shift]])
     return total
 
 
-def find_winner(total: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+def find_winner(total: tf.Tensor, params: VoteParams) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
     """The winner's fractional bin, the rival's bin and the rival's share of the winner's votes
     [VOTE_BINS]."""
     kernel = np.array([0.5, 1.0, 1.0, 1.0, 0.5], np.float32)[:, None, None]
@@ -79,25 +76,25 @@ def find_winner(total: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
     first = tf.cast(tf.argmax(smooth), tf.float32)
     near = tf.where(tf.abs(places - first) < 2.5, total, 0.0)
     winner = tf.reduce_sum(near * places) / tf.maximum(tf.reduce_sum(near), 1e-9)
-    apart = tf.where(tf.abs(places - first) > PARAMETERS.apart_bins + 0.5, smooth, 0.0)
+    apart = tf.where(tf.abs(places - first) > params.apart_bins + 0.5, smooth, 0.0)
     share = tf.reduce_max(apart) / tf.maximum(tf.reduce_max(smooth), 1e-9)
     return winner, tf.cast(tf.argmax(apart), tf.float32), share
 
 
 @compile_stage
-def collect_votes(answers: list[CellAnswers]) -> Votes:
+def collect_votes(answers: list[CellAnswers], *, params: VoteParams) -> Votes:
     """The winning period among all cells of all levels, and who agrees with it where."""
-    winner, rival, share = find_winner(count_votes(answers))
+    winner, rival, share = find_winner(count_votes(answers, params), params)
     turns = 2 * np.pi * np.arange(DIRECTION_BINS, dtype=np.float32) / DIRECTION_BINS
     wheel = np.stack([np.cos(turns), np.sin(turns)], 1).astype(np.float32)
     sums, counts, levels = tf.zeros([FRAME_CELLS, FRAME_CELLS, 4]), [], tf.zeros([FRAME_CELLS] * 2)
     for level, cells in enumerate(answers):
         bins = np.arange(PERIOD_BINS, dtype=np.float32) + BINS_PER_OCTAVE * level
         best = tf.cast(tf.argmax(cells.periods, -1), tf.float32) + BINS_PER_OCTAVE * level
-        agrees = (tf.abs(best - winner) < PARAMETERS.agreeing_bins) & (cells.readable > PARAMETERS.sure)
+        agrees = (tf.abs(best - winner) < params.agreeing_bins) & (cells.readable > params.sure)
         weight = tf.where(agrees, cells.readable, 0.0)
         counts.append(tf.reduce_sum(tf.cast(agrees, tf.float32)))
-        near = cells.periods * tf.cast(tf.abs(bins - winner) < PARAMETERS.apart_bins, tf.float32)
+        near = cells.periods * tf.cast(tf.abs(bins - winner) < params.apart_bins, tf.float32)
         period = tf.reduce_sum(near * bins, -1) / (tf.reduce_sum(near, -1) + 1e-6)
         values = tf.concat(
             [
@@ -110,7 +107,7 @@ def collect_votes(answers: list[CellAnswers]) -> Votes:
         spread = _repeat_cells(weight[..., None] * values, 2**level)
         sums += spread
         levels += tf.cast(spread[..., 0] > 0, tf.float32)
-    side = PARAMETERS.smoothing_cells
+    side = params.smoothing_cells
     mean = tf.nn.avg_pool2d(sums[None], side, 1, "SAME")[0]
     whole = tf.reduce_sum(sums, [0, 1])
     overall = whole / (whole[0] + 1e-6)
@@ -143,7 +140,7 @@ def _unwrapped_direction(vectors: tf.Tensor, overall: tf.Tensor) -> tf.Tensor:
 
 
 def choose_windows(
-    votes: Votes, size: tf.Tensor, *, level: tf.Tensor, count: int, side_px: int
+    votes: Votes, size: tf.Tensor, *, level: tf.Tensor, count: int, side_px: int, params: VoteParams
 ) -> tuple[tf.Tensor, tf.Tensor]:
     """Middles [count, 2] of windows, (x, y) in frame pixels at whole pixels of `level`, and their weights
     [count].
@@ -172,7 +169,7 @@ def choose_windows(
     ) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
         best = tf.argmax(flat * nearest, output_type=tf.int32)
         here, covered = tf.gather(flat_xy, best), tf.gather(flat, best)
-        weight = tf.where((tf.gather(nearest, best) > PARAMETERS.apart_share) & (covered > 0), covered, 0.0)
+        weight = tf.where((tf.gather(nearest, best) > params.apart_share) & (covered > 0), covered, 0.0)
         row = tf.concat([here, weight[None]], 0)
         distance = tf.sqrt(tf.reduce_sum((flat_xy - here) ** 2, 1)) / (2 * half)
         return turn + 1, tf.minimum(nearest, distance), chosen + tf.one_hot(turn, count)[:, None] * row
