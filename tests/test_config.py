@@ -37,6 +37,7 @@ CHANGED = {
     "textures": "leaves",
     "mixture": "mixture.toml",
     "augment": "flip,hue",
+    "copy_paste": 0.25,
     "lighting_passes": 4,
     "seed": 3,
     "validate_every": 5,
