@@ -19,6 +19,7 @@ from laesi_tf.common.text import round_for_table, sanitise_text
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.evaluation.photo_scores import (
+    ALL,
     PhotoScore,
     Summary,
     group_by_subset,
@@ -33,7 +34,7 @@ _MAX_TILES = 12
 _TILE_PX = 420
 _HEADER = (
     *("image", "subset", "split", "grid_mm", "true_cm2", "predicted_cm2", "uncertainty_cm2"),
-    "relative_error_percent",
+    *("relative_error_percent", "scale_error_percent"),
     *("iou", "mask_pixel_error", "method", "refused", "error"),
 )
 
@@ -105,7 +106,7 @@ def _make_row(score: PhotoScore) -> tuple[object, ...]:
     photo = score.photo
     numbers = (
         *(photo.area_cm2, score.predicted_cm2, score.uncertainty_cm2),
-        *(score.relative_error, score.iou, score.pixel_error),
+        *(score.relative_error, score.scale_error, score.iou, score.pixel_error),
     )
     return (
         *(photo.name, photo.subset, photo.split, photo.grid_mm),
@@ -124,6 +125,9 @@ def _print_report(scores: Sequence[PhotoScore], summaries: Mapping[str, Summary]
     print(f"{'subset':<{width}} {columns}")
     for name, summary in summaries.items():
         print(f"{sanitise_text(name):<{width}} {_format_summary(summary)}")
+    if summaries[ALL]["scale_median"] is not None:
+        median, p90 = (_format(summaries[ALL][name], 3) for name in ("scale_median", "scale_p90"))
+        print(f"scale read from the ruling, off from the manifest's: median {median} %, p90 {p90} %")
     print("photos by method:")
     for method, count in Counter(score.method for score in scores if score.method).most_common():
         print(f"{count:5}  {method}")

@@ -48,6 +48,13 @@ def test_coverage_and_areas_that_are_far_off() -> None:
     assert metrics["silent_errors"] == 1
 
 
+def test_errors_of_the_scale_are_those_of_photos_whose_ruling_was_read() -> None:
+    scores = [PhotoScore(photo=photo_of(1.0), scale_error=error) for error in (-0.3, 0.1, None, 0.2)]
+    metrics = summarise(scores)
+    assert metrics["scale_median"] == pytest.approx(0.2) and metrics["scale_p90"] == pytest.approx(0.28)
+    assert summarise([PhotoScore(photo=photo_of(1.0))])["scale_median"] is None
+
+
 def test_without_measured_photos_there_are_no_metrics() -> None:
     metrics = summarise(
         [PhotoScore(photo=photo_of(1.0), error="cut"), PhotoScore(photo=photo_of(1.0), refusal="no grid")]

@@ -38,6 +38,8 @@ class PhotoScore:
     method: str | None = None
     predicted_cm2: float | None = None
     uncertainty_cm2: float | None = None
+    scale_error: float | None = None
+    """(px/mm read from the ruling - the manifest's) / the manifest's in percent, at the largest leaf."""
     iou: float | None = None
     pixel_error: float | None = None
     refusal: str | None = None
@@ -114,6 +116,8 @@ def summarise(scores: Sequence[PhotoScore]) -> Summary:
         "within_1_sd": _mean([score.is_within(1) for score in read]),
         "within_2_sd": _mean([score.is_within(2) for score in read]),
         "silent_errors": sum(score.is_silent_error for score in read),
+        "scale_median": _percentile([score.scale_error for score in read], 50),
+        "scale_p90": _percentile([score.scale_error for score in read], 90),
         "miou": _mean([score.iou for score in read]),
         "mpe": _mean([score.pixel_error for score in read]),
         "refused": sum(score.refusal is not None for score in read),
@@ -168,8 +172,13 @@ def _score_photo(photo: Photo, measurement: Measurement, mask: Mask | None) -> P
     if mask is not None and measurement.mask is not None:
         iou = metrics.miou(measurement.mask, mask)
         pixel_error = metrics.mpe(measurement.mask, mask)
+    largest = max(measurement.leaves, key=lambda leaf: leaf.area_cm2 or 0.0, default=None)
+    scale_error = None
+    if measurement.camera and photo.px_per_mm and largest and largest.px_per_mm:
+        scale_error = 100.0 * (largest.px_per_mm / photo.px_per_mm - 1.0)
     return PhotoScore(
         photo=photo,
+        scale_error=scale_error,
         method=measurement.method,
         predicted_cm2=measurement.area_cm2,
         uncertainty_cm2=measurement.uncertainty_cm2,
@@ -177,6 +186,12 @@ def _score_photo(photo: Photo, measurement: Measurement, mask: Mask | None) -> P
         pixel_error=pixel_error,
         refusal=measurement.refusal,
     )
+
+
+def _percentile(errors: Sequence[float | None], rank: float) -> float | None:
+    """Return the percentile `rank` of the known `errors` without their signs."""
+    known = [abs(error) for error in errors if error is not None]
+    return float(np.percentile(known, rank)) if known else None
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
