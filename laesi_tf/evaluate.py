@@ -131,9 +131,6 @@ def _print_report(scores: Sequence[PhotoScore], summaries: Mapping[str, Summary]
     print("photos by method:")
     for method, count in Counter(score.method for score in scores if score.method).most_common():
         print(f"{count:5}  {method}")
-    other = sum(score.photo.grid_mm not in (None, 1.0) for score in scores)
-    if other:
-        print(f"{other} of {len(scores)} photos are not on 1 mm paper, the domain of models trained on it")
     for score in scores:
         if score.error is not None:
             print(f"skipped {sanitise_text(score.photo.name)}: {sanitise_text(score.error)}")

@@ -28,7 +28,8 @@ def main(arguments: Sequence[str]) -> None:
     from laesi_tf.synthesis import SYNTHESIS_VERSION, load_ranges
     from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
-    ranges = load_ranges(options.ranges)
+    # A data set is labelled with areas, which an empty sheet lacks.
+    ranges = load_ranges(options.ranges).without_empty_sheets()
     spec = DatasetSpec(
         count=options.count,
         size=options.size,
@@ -36,6 +37,7 @@ def main(arguments: Sequence[str]) -> None:
         seed=options.seed,
         format=options.format,
         ranges=ranges_to_toml(ranges),
+        grid_mm=None if ranges.has("paper_kinds") else 1.0,
         synthesis_version=SYNTHESIS_VERSION,
     )
     metrics = generate_dataset(spec, ranges, options.out, shard_fraction=options.shard)

@@ -35,8 +35,13 @@ def main(arguments: Sequence[str]) -> None:
     require_writable(table)
     load_tensorflow()
     from laesi_tf.estimators import factory
+    from laesi_tf.models.saved_model import PRETRAINED
 
-    estimator = factory.load_estimator(**model_options(options))
+    models = model_options(options)
+    if options.px_per_mm is not None and options.model is None:
+        # A given scale needs no ruling.
+        models = {"run": options.mask_model or PRETRAINED / "mask"}
+    estimator = factory.load_estimator(**models)
     info = PhotoInfo(px_per_mm=options.px_per_mm, grid_mm=options.grid_mm)
     records: list[LeafRecord] = []
     try:
@@ -83,7 +88,7 @@ def _make_parser() -> argparse.ArgumentParser:
         "--px-per-mm",
         type=positive_float,
         metavar="N",
-        help="scale of all photos in pixels per mm, for rule_based or a mask model alone",
+        help="scale of all photos in pixels per mm, such as a scanner's: no ruling is read",
     )
     parser.add_argument(
         "--grid-mm",

@@ -123,6 +123,13 @@ def test_overlay_shows_the_outline_and_is_of_handy_size(runs: dict[str, Path], t
     assert (columns.min(), columns.max()) == pytest.approx((800 - 360, 800 + 360), abs=14)
 
 
+def test_a_given_scale_needs_no_ruling(runs: dict[str, Path], tmp_path: Path) -> None:
+    photo_file = save(tmp_path / "scan.png", 300, 300)
+    (row,) = predict(tmp_path / "out", photo_file, "--mask-model", runs["mask"], "--px-per-mm", 5)
+    assert row["method"] == "mask x given scale"
+    assert float(row["area_cm2"]) == pytest.approx(np.pi * 90**2 / 25 / 100, rel=0.03)
+
+
 def test_csv_cannot_be_run_by_a_spreadsheet(
     runs: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,9 +7,10 @@ from drawn_sheets import View, draw_photo
 from estimator_conformance import EstimatorConformance
 from green import LEAF, area_network, disk, mask_network, photo
 
-from laesi_tf.estimators.area_estimator import AreaEstimator
+from laesi_tf.estimators.area_estimator import AreaEstimator, AreaPrediction
 from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.mask_estimator import MaskEstimator
+from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
 
@@ -84,10 +85,49 @@ def test_without_a_ruling_the_photo_is_refused(
     assert guessed.uncertainty_cm2 > 0.1 * guessed.area_cm2
 
 
+def test_several_leaves_are_guessed_by_the_scale(sheet_reader: SheetReader, guesser: AreaEstimator) -> None:
+    mask_estimator = MaskEstimator(mask_network(SIZE), SIZE)
+    two = np.concatenate([photo(300, 300)] * 2, axis=1)
+    refused = RulingEstimator(mask_estimator, sheet_reader, guesser=guesser).measure(two)
+    assert refused.refusal is not None and "no scale" in refused.refusal
+    with_scale = WithScale(area_network(SIZE), SIZE, "none")
+    guessed = RulingEstimator(mask_estimator, sheet_reader, guesser=with_scale).measure(two)
+    assert guessed.method == "silhouette x scale of the area model, no ruling read"
+    expected = 2 * np.pi * 90**2 / 5.0**2 / 100
+    assert guessed.area_cm2 == pytest.approx(expected, rel=0.05) and len(guessed.leaves) == 2
+
+
+class WithScale(AreaEstimator):
+    """An area network that is sure of five pixels per mm."""
+
+    def predict_area(self, pyramid: PhotoPyramid) -> AreaPrediction:
+        return AreaPrediction(1.0, 5.0)
+
+
+def test_two_leaves_are_measured_and_notes_are_kept(ruling_estimator: RulingEstimator) -> None:
+    view = View(600, 900, px_per_mm=6.0)
+    image = draw_photo(view, {1.0: 0.5, 5.0: 0.9}).astype(np.uint8)
+    for middle in ((250, 300), (650, 300)):
+        cv2.circle(image, middle, 90, LEAF, -1)
+    measured = ruling_estimator.measure(image)
+    assert measured.refusal is None, measured.refusal
+    areas = [leaf.area_cm2 for leaf in measured.leaves]
+    assert areas == pytest.approx([np.pi * 15**2 / 100] * 2, rel=0.02)
+    assert measured.note is not None and "every fifth line is heavier" in measured.note
+
+
+def test_a_named_distance_that_contradicts_the_lines_is_refused(ruling_estimator: RulingEstimator) -> None:
+    image, true_cm2 = draw_disk(View(600, 800))
+    refused = ruling_estimator.measure(image, PhotoInfo(grid_mm=5.0))
+    assert refused.refusal is not None and "grid-mm" in refused.refusal
+    shrunk_print = ruling_estimator.measure(image, PhotoInfo(grid_mm=0.97))
+    assert shrunk_print.area_cm2 == pytest.approx(0.97**2 * true_cm2, rel=0.02)
+
+
 def test_no_leaf_is_refused(ruling_estimator: RulingEstimator) -> None:
     blank = np.full((200, 200, 3), 240, np.uint8)
     measured = ruling_estimator.measure(blank)
-    assert measured.refusal is not None and "no leaf" in measured.refusal
+    assert measured.refusal is not None and "no leaf" in measured.refusal and "no ruling" in measured.refusal
     assert measured.mask is not None and not measured.mask.any()
 
 
@@ -101,4 +141,4 @@ def test_what_lies_beside_the_sheet_is_no_leaf(ruling_estimator: RulingEstimator
     assert measured.refusal is None, measured.refusal
     (leaf,) = measured.leaves
     assert leaf.outline is not None and leaf.outline[:, 0].max() < 400
-    assert measured.note is not None and "beside the ruled sheet: 1" in measured.note
+    assert measured.note is not None and "not counted: 1" in measured.note

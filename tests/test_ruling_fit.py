@@ -152,6 +152,14 @@ def test_squares_whose_harmonics_are_taken_for_lines():
     assert np.abs(scale_errors(view, judged(view, reading, grid_mm=5.0))).max() < 2e-3
 
 
+def test_a_horizon_in_the_photo_or_a_fit_that_is_not_finite_is_no_sheet():
+    parameters, covariance = np.zeros(14), np.zeros((14, 14))
+    assert judge.is_before_camera(parameters, covariance, (600, 800))
+    assert not judge.is_before_camera(parameters, covariance + np.nan, (600, 800))
+    parameters[6:8] = 0.7, 0.5
+    assert not judge.is_before_camera(parameters, covariance, (600, 800))
+
+
 def test_blur_that_hides_the_finest_lines_is_refused():
     view = View(px_per_mm=3.6)
     photo = draw_photo(view, {1.0: 0.3, 5.0: 0.8, 10.0: 1.0}, blur=3.0)

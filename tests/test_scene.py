@@ -55,7 +55,7 @@ def test_an_empty_sheet_has_neither_leaf_nor_area() -> None:
     empty = changed(ranges, "paper", empty=Probability(1.0))
     assert empty.has("empty_sheet") and not SINGLY.has("empty_sheet")
     made = synthesise(5, size=SMALL, ranges=empty)
-    with_leaf = synthesise(5, size=SMALL, ranges=empty.without_component("empty_sheet"))
+    with_leaf = synthesise(5, size=SMALL, ranges=empty.without_empty_sheets())
     assert not made["mask"].numpy().any() and float(made["area_cm2"]) == 0
     assert with_leaf["mask"].numpy().any() and float(with_leaf["area_cm2"]) > 0
     # Empty sheets are seen from closer.

@@ -18,13 +18,16 @@ _SHADOW_SHARE = 1 / 32
 def paste_leaves(
     images: tf.Tensor, masks: tf.Tensor, *, seed: tf.Tensor, share: float
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Paste the leaf of the next image onto each of the first images of a batch, a `share` of it.
+    """Paste the leaf of the image half a batch away onto each of the first images, a `share` of the batch.
+
+    Neighbours may show the same leaf in other light.
 
     `images` are uint8 [B, H, W, 3], `masks` uint8 [B, H, W] of 0 and 1, `seed` int [2]. Returns both, of the
     same types.
     """
-    count = tf.cast(tf.math.ceil(share * tf.cast(tf.shape(images)[0], tf.float32)), tf.int32)
-    donors = tf.roll(tf.concat([images, 255 * masks[..., None]], -1), -1, 0)[:count]
+    size = tf.shape(images)[0]
+    count = tf.cast(tf.math.ceil(share * tf.cast(size, tf.float32)), tf.int32)
+    donors = tf.roll(tf.concat([images, 255 * masks[..., None]], -1), -size // 2, 0)[:count]
     pasted, coverage = _paste(images[:count], tf.cast(donors, tf.float32), seed)
     union = tf.maximum(masks[:count], tf.cast(coverage > 0.5, masks.dtype))
     return tf.concat([pasted, images[count:]], 0), tf.concat([union, masks[count:]], 0)

@@ -26,6 +26,8 @@ class DatasetSpec:
     """One of FORMATS."""
     ranges: str
     """All ranges that the scenes are sampled from, as TOML."""
+    grid_mm: float | None = 1.0
+    """Distance of the finest printed lines, mm; None where it differs from scene to scene."""
     synthesis_version: int = 1
     """`laesi_tf.synthesis.SYNTHESIS_VERSION` of the code that rendered the samples; 1 if not recorded."""
 

@@ -89,7 +89,9 @@ def is_tiff(header: bytes) -> bool:
 def is_heif(header: bytes) -> bool:
     """Return whether `header` begins a HEIC or HEIF file. The brand mif1 alone leaves AVIF possible."""
     brands = _read_brands(header)
-    return bool(brands) and brands[0] in _HEIF_BRANDS and not any(brand in _AVIF_BRANDS for brand in brands)
+    return any(brand in _HEIF_BRANDS for brand in brands) and not any(
+        brand in _AVIF_BRANDS for brand in brands
+    )
 
 
 def is_read_whole(header: bytes) -> bool:
@@ -114,7 +116,7 @@ def refuse_unsupported(path: Path, header: bytes) -> None:
             raise InputError(f"{path} is {name}, which is not read; save its image as JPEG, PNG or TIFF")
     brands = _read_brands(header)
     if brands and not any(brand in (*_HEIF_BRANDS, *_AVIF_BRANDS) for brand in brands):
-        raise InputError(f"{path} is a video, which is not read; take a photo, or save a frame as PNG")
+        raise InputError(f"{path} is a video or sound, which is not read; take a photo, or save a frame")
 
 
 def raw_message(path: Path, suffix: str) -> str:

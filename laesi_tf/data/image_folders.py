@@ -77,5 +77,6 @@ def _write_sample(folder: Path, sample: ArraySample, species: str, spec: Dataset
     for name, data in files.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(data)
-    numbers = f"{sample['area_cm2']:.6g}", f"{sample['px_per_mm']:.6g}", 1
+    grid_mm = "" if spec.grid_mm is None else f"{spec.grid_mm:g}"
+    numbers = f"{sample['area_cm2']:.6g}", f"{sample['px_per_mm']:.6g}", grid_mm
     return [*files, *numbers, species, species_prompt(species), spec.seed, index]

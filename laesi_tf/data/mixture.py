@@ -62,15 +62,16 @@ def load_mixture(
     size: tuple[int, int],
     seed: int,
     needs_masks: bool,
+    needs_leaf: bool = False,
     ranges: str = "rendering_2",
     textures: tf.Tensor | None = None,
 ) -> list[Source]:
     """Open the sources of a TOML file, whose samples have `size` (h, w); paths are relative to the file.
 
-    With `needs_masks`, photos without a mask are skipped. Live scenes use the run's `ranges`, unless the file
-    gives others, its `textures` (see `laesi_tf.synthesis.synthesise`), and one lighting pass. Raises
-    InputError for unknown keys, for weights beside counts, and for a source that has fewer samples than its
-    count.
+    With `needs_masks`, photos without a mask are skipped; with `needs_leaf`, no scene is an empty sheet. Live
+    scenes use the run's `ranges`, unless the file gives others, its `textures` (see
+    `laesi_tf.synthesis.synthesise`), and one lighting pass. Raises InputError for unknown keys, for weights
+    beside counts, and for a source that has fewer samples than its count.
     """
     path = Path(path)
     tables = {name: table for name, table in _read_sources(path).items() if table.share > 0}
@@ -79,7 +80,9 @@ def load_mixture(
     sources, live_sources = [], 0
     for name, table in tables.items():
         # Each live source needs its own seed: with the same one it would show the same leaves.
-        context = SourceContext(path.parent, size, seed + live_sources, needs_masks, ranges, textures)
+        context = SourceContext(
+            path.parent, size, seed + live_sources, needs_masks, needs_leaf, ranges, textures
+        )
         sources.append(Source(name, table.share, table.open(context)))
         live_sources += isinstance(table, LiveSource)
     return sources

@@ -36,6 +36,7 @@ class SourceContext:
     size: tuple[int, int]
     seed: int
     needs_masks: bool
+    needs_leaf: bool
     ranges: str
     textures: tf.Tensor | None
 
@@ -95,9 +96,12 @@ class LiveSource(SourceOptions):
         ranges = self.ranges or context.ranges
         if self.ranges and isinstance(ranges, str) and ranges.endswith(".toml"):
             ranges = context.folder / ranges
+        scene_ranges = load_ranges(ranges).with_passes(1)
+        if context.needs_leaf:
+            scene_ranges = scene_ranges.without_empty_sheets()
         options: dict[str, Any] = {
             "size": context.size,
-            "ranges": load_ranges(ranges).with_passes(1),
+            "ranges": scene_ranges,
             "textures": context.textures,
         }
         if self.count is None:

@@ -34,7 +34,9 @@ class PhotoPage:
 def list_pages(path: Path) -> list[PhotoPage]:
     """Return the photos in the file at `path`: at least one, which fails to decode if the file is damaged."""
     try:
-        indices = find_pages(path) if file_formats.is_tiff(file_formats.read_header(path)) else [0]
+        # A named pipe would be waited for.
+        is_tiff = path.is_file() and file_formats.is_tiff(file_formats.read_header(path))
+        indices = find_pages(path) if is_tiff else [0]
     # The same error is reported when the photo is decoded.
     except Exception:
         indices = [0]

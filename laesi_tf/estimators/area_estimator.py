@@ -44,7 +44,7 @@ class AreaEstimator:
         px_per_mm = math.nan
         if len(output) > 1:
             photo_px = pyramid.overview.pixel_size / letterbox.scale
-            px_per_mm = math.exp(output[1]) * float(photo_px[0])
+            px_per_mm = float(np.exp(np.float64(output[1])) * photo_px[0])
         return AreaPrediction(area, px_per_mm if math.isfinite(px_per_mm) and px_per_mm > 0 else None)
 
     def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:

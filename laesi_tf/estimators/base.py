@@ -35,7 +35,7 @@ class LeafMeasurement:
     uncertainty_cm2: float | None = None
     """Standard deviation of `area_cm2`."""
     px_per_mm: float | None = None
-    """Scale at the leaf's area centroid with which the area was computed."""
+    """Scale of the sheet at the leaf's area centroid."""
     length_mm: float | None = None
     """Longest extent along the leaf's main axis, petiole included."""
     width_mm: float | None = None

@@ -145,11 +145,6 @@ def looks_like_pen(outline: Points, params: LeafOutlineParams) -> bool:
     return is_slender and cv2.contourArea(points) > params.pen_min_fill * sides[0] * sides[1]
 
 
-def coarse_mask(candidate: LeafCandidate) -> PlacedMask:
-    """Return a leaf as the network predicts it, without refinement."""
-    return candidate.crop, candidate.letterbox.crop_and_resize_back(candidate.own_probability()) >= 0.5
-
-
 def paint_masks(masks: Iterable[PlacedMask], target: Crop) -> Mask:
     """Return a mask, bool [H, W], of all leaves in `target`, a crop of the same photo."""
     painted = np.zeros(target.size, bool)

@@ -12,8 +12,9 @@ import numpy as np
 from laesi_tf.common.arrays import Points, RgbImage
 from laesi_tf.common.geometry import ImageSize
 from laesi_tf.data.letterbox import Letterbox, letterbox_image
+from laesi_tf.models.ruling_cells import FRAME_PX
 
-OVERVIEW_SIDE_PX = 1536
+OVERVIEW_SIDE_PX = FRAME_PX
 """Longer side of the overview: 1 mm is at least 5 pixels where the photo shows up to 30 cm."""
 
 

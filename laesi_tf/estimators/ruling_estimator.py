@@ -29,8 +29,9 @@ from laesi_tf.estimators.sheet_map import UniformScale
 METHOD = "ruling x silhouette"
 GUESS = "regression, no ruling read"
 GUESS_SCALE = "silhouette x scale of the area model, no ruling read"
-ROUGH_ESTIMATE = "a network's guess, as {reason}"
-OFF_SHEET = "not counted, as beside the ruled sheet: {count} that may be leaves"
+ROUGH_ESTIMATE = "rough estimate of a network, because {reason}"
+NO_GUESS = "the area model has no scale to guess several leaves with"
+OFF_SHEET = "possible leaves beside the ruled sheet, not counted: {count}"
 NO_LEAF_ON_SHEET = "no leaf found on the ruled sheet; lay one whole leaf on it"
 
 
@@ -93,8 +94,14 @@ class RulingEstimator:
         on_sheet = [outline for outline in outlines if self._lies_on(sheet.outline, outline)]
         mask = paint_masks((outline.placed_mask for outline in on_sheet), pyramid.photo)
         if not on_sheet:
-            refusal = NO_LEAF_ON_SHEET if outlines else NO_LEAF
-            return Measurement(method=METHOD, mask=mask, camera=sheet.camera, refusal=refusal)
+            return Measurement(
+                method=METHOD,
+                leaves=tuple(outline.without_scale() for outline in outlines),
+                mask=mask,
+                camera=sheet.camera,
+                tilt_deg=sheet.camera.tilt_deg(),
+                refusal=NO_LEAF_ON_SHEET if outlines else NO_LEAF,
+            )
         notes = list(sheet.notes)
         if len(on_sheet) < len(outlines):
             notes.append(OFF_SHEET.format(count=len(outlines) - len(on_sheet)))
@@ -121,12 +128,13 @@ class RulingEstimator:
         assert leaf.area_cm2 is not None and leaf.uncertainty_cm2 is not None
         middle = outline.centroid
         distance_mm = camera.distance_mm(middle)
-        area = leaf.area_cm2 * max(0.0, 1 - self.params.lift_mm / distance_mm) ** 2
+        leaf = _shrink(leaf, max(0.0, 1 - self.params.lift_mm / distance_mm))
+        area = leaf.area_cm2 or 0.0
         # An area is proportional to the square of its scale, hence the factor of two.
         scale_sd = 2 * area * camera.scale_error(middle)
         lift_sd = 2 * area * self.params.lift_sd_mm / distance_mm
-        uncertainty = math.hypot(leaf.uncertainty_cm2, scale_sd, lift_sd)
-        return dataclasses.replace(leaf, area_cm2=area, uncertainty_cm2=uncertainty)
+        uncertainty = math.hypot(leaf.uncertainty_cm2 or 0.0, scale_sd, lift_sd)
+        return dataclasses.replace(leaf, uncertainty_cm2=uncertainty)
 
     def _measure_without_ruling(
         self, outlines: list[LeafOutline], sheet: SheetReading, pyramid: PhotoPyramid
@@ -134,22 +142,43 @@ class RulingEstimator:
         """Refuse, or guess one leaf by the area network's area, several by its scale: it learned one leaf."""
         mask: Mask = paint_masks((outline.placed_mask for outline in outlines), pyramid.photo)
         bare = tuple(outline.without_scale() for outline in outlines)
-        prediction = self._guesser.predict_area(pyramid) if self._guesser and outlines else None
-        leaves: tuple[LeafMeasurement, ...] = ()
-        if prediction is not None and len(outlines) == 1 and math.isfinite(prediction.area_cm2):
-            leaves = (dataclasses.replace(bare[0], area_cm2=prediction.area_cm2),)
-        elif prediction is not None and prediction.px_per_mm is not None:
+        refused = Measurement(method=METHOD, leaves=bare, mask=mask, refusal=sheet.refusal)
+        if not outlines:
+            return dataclasses.replace(refused, refusal=f"{NO_LEAF}; {sheet.refusal}")
+        if self._guesser is None:
+            return refused
+        prediction = self._guesser.predict_area(pyramid)
+        leaves: tuple[LeafMeasurement, ...]
+        if len(outlines) == 1 and math.isfinite(prediction.area_cm2):
+            method, leaves = GUESS, (dataclasses.replace(bare[0], area_cm2=prediction.area_cm2),)
+        elif prediction.px_per_mm is not None:
             scale = UniformScale(prediction.px_per_mm)
-            leaves = tuple(outline.measure(scale) for outline in outlines)
-        if not leaves:
-            refusal = sheet.refusal if outlines else NO_LEAF
-            return Measurement(method=METHOD, leaves=bare, mask=mask, refusal=refusal)
+            method, leaves = GUESS_SCALE, tuple(outline.measure(scale) for outline in outlines)
+        else:
+            return dataclasses.replace(refused, refusal=f"{sheet.refusal}; {NO_GUESS}")
         share = self.params.guess_factor - 1
         return Measurement(
-            method=GUESS if len(outlines) == 1 else GUESS_SCALE,
+            method=method,
             leaves=tuple(
                 dataclasses.replace(leaf, uncertainty_cm2=share * (leaf.area_cm2 or 0.0)) for leaf in leaves
             ),
             mask=mask,
             note=ROUGH_ESTIMATE.format(reason=sheet.refusal),
         )
+
+
+def _shrink(leaf: LeafMeasurement, factor: float) -> LeafMeasurement:
+    """Return a leaf's measures with its lengths times `factor`."""
+
+    def scaled(value: float | None, power: int) -> float | None:
+        return None if value is None else value * factor**power
+
+    return dataclasses.replace(
+        leaf,
+        area_cm2=scaled(leaf.area_cm2, 2),
+        holes_cm2=scaled(leaf.holes_cm2, 2),
+        uncertainty_cm2=scaled(leaf.uncertainty_cm2, 2),
+        length_mm=scaled(leaf.length_mm, 1),
+        width_mm=scaled(leaf.width_mm, 1),
+        perimeter_mm=scaled(leaf.perimeter_mm, 1),
+    )

@@ -19,6 +19,7 @@ from laesi_tf.common.run_files import (
 )
 from laesi_tf.data import synthetic
 from laesi_tf.models.saved_model import Run, named_weights
+from laesi_tf.synthesis import load_ranges
 from laesi_tf.training import config_files
 from laesi_tf.training.tasks import make_task
 from laesi_tf.training.trainer import evaluate_network
@@ -68,7 +69,7 @@ def compute_test_metrics(run: Run) -> dict[str, float]:
         batch_size=_BATCH_SIZE,
         seed=0,
         size=run.spec.size,
-        ranges=ranges if ranges.is_file() else config.ranges,
+        ranges=task.choose_ranges(load_ranges(ranges if ranges.is_file() else config.ranges)),
         start=synthetic.TEST_INDICES[0],
         passes=1,
         render=task.renderer(),

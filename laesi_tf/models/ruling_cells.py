@@ -36,8 +36,3 @@ class CellAnswers(NamedTuple):
     """[h, w, DIRECTION_BINS] of the direction of the lines modulo 90 degrees."""
     finest_uncertain: tf.Tensor
     """[h, w], that finer lines are printed here than can be seen."""
-
-
-def period_px(bins: tf.Tensor) -> tf.Tensor:
-    """Pixels per period at fractional `bins`."""
-    return FINEST_PX * tf.exp(bins * LOG_STEP)

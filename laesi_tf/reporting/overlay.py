@@ -58,12 +58,13 @@ def draw_grid(image: RgbImage, camera: SheetCamera, *, scale: Points | float = 1
     along = np.linspace(0, 1, _POINTS_PER_LINE)
     border = np.concatenate([[[t, 0], [t, 1], [0, t], [1, t]] for t in along]) * size
     on_sheet = camera.to_sheet(border)
+    on_sheet = on_sheet[np.isfinite(on_sheet).all(axis=1)]
     low, high = on_sheet.min(axis=0), on_sheet.max(axis=0)
     step = 10 * camera.pitch_mm
     drawn, thickness = image.copy(), max(1, max(image.shape[:2]) // 900)
     for axis in (0, 1):
         first, last = np.ceil(low[axis] / step), np.floor(high[axis] / step)
-        for number in np.arange(first, last + 1)[:_MAX_LINES]:
+        for number in np.arange(first, min(last, first + _MAX_LINES) + 1):
             line = low + along[:, None] * (high - low)
             line[:, axis] = number * step
             points = camera.to_photo(line)

@@ -185,7 +185,7 @@ def enable_all_components(ranges: Ranges) -> Ranges:
     None is empty, which would take the leaf away.
     """
     return dataclasses.replace(
-        ranges.without_component("empty_sheet"),
+        ranges.without_empty_sheets(),
         leaf={name: (weight, _make_certain(kind)) for name, (weight, kind) in ranges.leaf.items()},
         **{name: _make_certain(getattr(ranges, name)) for name in PARTS},
     )

@@ -131,9 +131,11 @@ class Ranges:
             )
         return ranges
 
-    def without_component(self, component: str) -> "Ranges":
-        """Return the same ranges without `component` in any image."""
-        return dataclasses.replace(self, without=self.without | {component})
+    def without_empty_sheets(self) -> "Ranges":
+        """Return the same ranges with a leaf in every image."""
+        if not self.has("empty_sheet"):
+            return self
+        return dataclasses.replace(self, without=self.without | {"empty_sheet"})
 
     def with_passes(self, passes: int) -> "Ranges":
         """Return the same ranges with another number of lighting passes per leaf."""

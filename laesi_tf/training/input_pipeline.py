@@ -35,11 +35,11 @@ class InputPipeline:
         self._config, self._data_service = config, data_service
         if config.mixture and data_service:
             raise InputError("--data-service makes live scenes only; leave out --data-service or --mixture")
+        if config.copy_paste and data_service:
+            raise InputError("--data-service pastes no leaves; leave out --data-service or --copy-paste")
         if data_service:
             check_reachable(data_service)
-        self._ranges = load_ranges(config.ranges)
-        if TASKS[config.task].needs_leaf:
-            self._ranges = self._ranges.without_component("empty_sheet")
+        self._ranges = make_task(config).choose_ranges(load_ranges(config.ranges))
         self._textures = load_textures(config.textures) if config.textures else None
         self._sources = self._open_mixture()
 
@@ -126,6 +126,7 @@ class InputPipeline:
             size=config.size,
             seed=config.seed,
             needs_masks=TASKS[config.task].needs_masks,
+            needs_leaf=TASKS[config.task].needs_leaf,
             ranges=config.ranges,
             textures=self._textures,
         )

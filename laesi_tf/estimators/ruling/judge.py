@@ -1,11 +1,13 @@
 """Decide what a reading is worth: a camera with the pitch of its lines, or a refusal that says what would
 help."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from laesi_tf.common.arrays import Points
+from laesi_tf.common.sheet_model import SheetModel
 from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
 from laesi_tf.estimators.ruling.line_levels import FINER
 from laesi_tf.estimators.ruling.reading import Reading
@@ -30,6 +32,8 @@ class JudgeParams:
     which these are not believed."""
     same_period: float = parameter(0.07, unit="ln of period", set_on=RENDERED_AND_CASES)
     """Periods that differ by less are the same."""
+    same_pitch: float = parameter(0.2, unit="ln of distance", set_on="printers scale by 3 %, 2026-11-29")
+    """A named distance of lines that prove millimetre paper differs from a millimetre by at most so much."""
     always_finest_mm: float = parameter(3.0, unit="mm", set_on=RENDERED_AND_CASES)
     """Squares of a named distance from this on have no heavier lines that can pass for them."""
     widest_mm: float = parameter(700.0, unit="mm", set_on=RENDERED_AND_CASES)
@@ -47,6 +51,10 @@ FINER_VOTED = "lines {period:.1f} px apart are read, but finer ones between them
 NAMED_UNCERTAIN = (
     "lines {period:.1f} px apart are read, but whether these or finer ones are {grid:g} mm apart could not "
     "be seen; go closer"
+)
+CONTRADICTED = (
+    "every fifth and every tenth line is heavier, as on millimetre paper, but --grid-mm (column grid_mm of a "
+    "manifest) is {grid:g}; name the distance of the finest lines"
 )
 PITCH_UNKNOWN = (
     "squares {period:.1f} px wide are read, without heavier lines that would tell their size; name it with "
@@ -67,12 +75,15 @@ class SheetReading:
     """Which lines are heavier: '1-5-10', '1-10', '1-5', '1-4', '1-2' or '1', in finest lines."""
     outline: Points | None = None
     """Convex outline [N, 2] of the ruled sheet as far as the photo shows it, photo pixels."""
-    proves_millimetres: bool = False
-    """Fifth and tenth lines are heavier, as on millimetre paper alone."""
+
+    @property
+    def proves_millimetres(self) -> bool:
+        """Whether fifth and tenth lines are heavier, as on millimetre paper alone."""
+        return self.paper == "1-5-10"
 
 
 def name_paper(reading: Reading) -> str:
-    """Which lines are heavier, counted in finest lines."""
+    """Return which lines are heavier, counted in finest lines."""
     heavier = reading.heavier
     levels = [
         number
@@ -96,6 +107,16 @@ def votes_for_finer(reading: Reading, params: JudgeParams) -> bool:
     return is_multiple and float(votes.rival_share) > params.rival_share
 
 
+def is_before_camera(parameters: np.ndarray, covariance: np.ndarray, size: tuple[int, int]) -> bool:
+    """Return whether the fit is finite and the plane's horizon lies outside a photo of `size` (height,
+    width)."""
+    if not (np.isfinite(parameters).all() and np.isfinite(covariance).all()):
+        return False
+    model = SheetModel(*parameters)
+    across, down = size[1] / max(size), size[0] / max(size)
+    return bool(abs(model.tilt_x) * across + abs(model.tilt_y) * down < 1)
+
+
 def judge_reading(
     reading: Reading,
     size: tuple[int, int],
@@ -104,7 +125,7 @@ def judge_reading(
     grid_mm: float | None,
     params: JudgeParams,
 ) -> SheetReading:
-    """The camera that `reading` founds, or why there is none.
+    """Return the camera that follows from `reading`, or why there is none.
 
     `size` is the photo's (height, width) in frame pixels and `step` the photo pixels per frame pixel, (x, y).
     `grid_mm` is the distance of the finest lines where the user names it; None takes the lines for
@@ -116,11 +137,15 @@ def judge_reading(
         return SheetReading(refusal=NO_RULING)
     weaker, stronger = sorted(float(value) for value in fit.signal)
     if weaker < params.faintest:
-        both = stronger < 5 * params.faintest
-        return SheetReading(refusal=NO_RULING if both else ONE_DIRECTION.format(period=period))
+        are_both_faint = stronger < 5 * params.faintest
+        return SheetReading(refusal=NO_RULING if are_both_faint else ONE_DIRECTION.format(period=period))
     if int(fit.windows) < params.fewest_windows or float(fit.phase_error) > params.worst_phase:
         return SheetReading(refusal=NOT_A_SHEET)
+    if not is_before_camera(np.asarray(fit.parameters), np.asarray(fit.covariance), size):
+        return SheetReading(refusal=NOT_A_SHEET)
     paper = name_paper(reading)
+    if paper == "1-5-10" and grid_mm is not None and abs(math.log(grid_mm)) > params.same_pitch:
+        return SheetReading(refusal=CONTRADICTED.format(grid=grid_mm), paper=paper)
     if paper != "1-5-10" and votes_for_finer(reading, params):
         return SheetReading(refusal=FINER_VOTED.format(period=period), paper=paper)
     if paper in ("1", "1-2", "1-4"):
@@ -143,4 +168,4 @@ def judge_reading(
     )
     ambiguous = {"1-10": AMBIGUOUS_TENTH, "1-5": AMBIGUOUS_FIFTH}
     notes = (ambiguous[paper],) if grid_mm is None and paper in ambiguous else ()
-    return SheetReading(camera=camera, notes=notes, paper=paper, proves_millimetres=paper == "1-5-10")
+    return SheetReading(camera=camera, notes=notes, paper=paper)

@@ -89,8 +89,6 @@ class SheetFit(NamedTuple):
     """[COUNT, COUNT]."""
     model: tf.Tensor
     """Index into MODELS."""
-    log_evidence: tf.Tensor
-    """[len(MODELS)]."""
     phase_error: tf.Tensor
     """Median distance of the lines' phases from the fit, periods."""
     windows: tf.Tensor
@@ -223,7 +221,7 @@ def fit_phases(
         full = measured.weights[..., None] * tf.ones([3])
         several, weight = _improve_models(several, points, measured, full, priors)
         at = several[-1]
-    chosen, covariance, model, log_evidence = choose_model(several, points, measured, weight, priors, params)
+    chosen, covariance, model = choose_model(several, points, measured, weight, priors, params)
     off = tf.abs(residuals(chosen, points, measured)[..., 2] * measured.errors[..., 2])
     used = measured.weights > 0
     phase_error = masked_median(tf.reshape(off, [-1]), tf.reshape(used, [-1]))
@@ -232,7 +230,6 @@ def fit_phases(
         parameters=chosen,
         covariance=covariance,
         model=model,
-        log_evidence=log_evidence,
         phase_error=phase_error,
         windows=tf.reduce_sum(tf.cast(agree, tf.int32)),
         signal=tf.stack([masked_median(signal[:, f], windows.weights > 0) for f in range(2)]),
@@ -246,11 +243,11 @@ def choose_model(
     weight: tf.Tensor,
     priors: tf.Tensor,
     params: FitParams,
-) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor]:
-    """Parameters [COUNT] and covariance of the most probable of the fitted models [M, COUNT].
+) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    """Return parameters [COUNT], covariance and index of the most probable of the fitted models [M, COUNT].
 
-    Also its index and the ln of all models' marginal likelihoods [M], up to a constant. The residuals'
-    variance is that of the last, richest model.
+    That is the one with the largest marginal likelihood. The residuals' variance is that of the last, richest
+    model.
     """
     several, normal, found = step_parameters(several, points, measured, weight, priors)
     cost = tf.reduce_sum(found**2 * weight, [1, 2, 3])
@@ -264,4 +261,4 @@ def choose_model(
     log_prior = -2 * tf.reduce_sum(tf.math.log(priors), -1)
     log_evidence = 0.5 * (log_prior - log_determinant - cost / variance - prior_cost)
     best = tf.argmax(log_evidence, output_type=tf.int32)
-    return tf.gather(several, best), tf.gather(inverse, best), best, log_evidence
+    return tf.gather(several, best), tf.gather(inverse, best), best

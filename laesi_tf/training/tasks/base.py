@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import tensorflow as tf
     from matplotlib.figure import Figure
 
+    from laesi_tf.synthesis import Ranges
     from laesi_tf.training.config import TrainConfig
 
 Array = NDArray[Any]
@@ -50,6 +51,10 @@ class Task(abc.ABC):
     def __init__(self, config: "TrainConfig") -> None:
         self.config = config
         self.loss_name = self.losses[0] if config.loss == "auto" else config.loss
+
+    def choose_ranges(self, ranges: "Ranges") -> "Ranges":
+        """Return those of `ranges` that images of this task may have."""
+        return ranges.without_empty_sheets() if self.needs_leaf else ranges
 
     def renderer(self) -> "Callable[..., dict[str, tf.Tensor]]":
         """Return the function that renders sample `index` of `seed`, with the arguments of `synthesise`."""
