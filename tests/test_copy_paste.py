@@ -14,7 +14,7 @@ SIZE = (96, 128)
 
 @pytest.fixture(scope="module")
 def batch() -> tuple[np.ndarray, np.ndarray]:
-    """Three blank sheets and one with a leaf, in reverse: each sheet's neighbour is the next image."""
+    """Return two blank sheets and two with a leaf, alternating: a blank one's next image has a leaf."""
     blank = np.full((*SIZE, 3), PAPER, np.uint8)
     leaf = disk(*SIZE)
     masks = np.stack([np.zeros_like(leaf), leaf, np.zeros_like(leaf), leaf]).astype(np.uint8)
@@ -28,6 +28,7 @@ def paste(batch: tuple[np.ndarray, np.ndarray], share: float) -> tuple[np.ndarra
 
 
 def test_the_mask_is_where_the_pasted_leaf_is(batch: tuple[np.ndarray, np.ndarray]) -> None:
+    assert LEAF[1] - LEAF[0] > 60
     images, masks = paste(batch, 1.0)
     for index in (0, 2):
         green = images[index, ..., 1].astype(int) - images[index, ..., 0] > 60
@@ -52,7 +53,6 @@ def test_only_a_share_of_the_batch_is_changed(batch: tuple[np.ndarray, np.ndarra
 
 def test_the_same_seed_pastes_the_same(batch: tuple[np.ndarray, np.ndarray]) -> None:
     np.testing.assert_array_equal(paste(batch, 1.0)[0], paste(batch, 1.0)[0])
-    assert LEAF[1] - LEAF[0] > 60
 
 
 def test_only_masks_can_be_trained_with_pasted_leaves() -> None:
