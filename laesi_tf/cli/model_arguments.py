@@ -15,15 +15,24 @@ def add_model_arguments(parser: argparse.ArgumentParser) -> None:
         "in the photo (default: the mask and the ruling model that come with the package)",
     )
     parser.add_argument(
-        "--mask-model", type=Path, metavar="RUN", help="training run of task mask, which finds the leaves"
+        "--mask-model",
+        type=Path,
+        metavar="RUN",
+        help="training run of task mask, which finds the leaves (default: the one that comes with the "
+        "package)",
     )
     parser.add_argument(
-        "--ruling-model", type=Path, metavar="RUN", help="training run of task ruling, which finds the lines"
+        "--ruling-model",
+        type=Path,
+        metavar="RUN",
+        help="training run of task ruling, which finds the lines (default: the one that comes with the "
+        "package)",
     )
     parser.add_argument(
         "--guess",
         action="store_true",
-        help="where no ruling can be read, let an area model (--model) guess instead of refusing the photo",
+        help="where no ruling can be read, let an area model guess instead of refusing the photo: the one "
+        "that comes with the package, unless --model names another",
     )
 
 

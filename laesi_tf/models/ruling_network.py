@@ -56,8 +56,10 @@ class RulingTargets(NamedTuple):
 
 
 def build_ruling_network(height: int | None = None, width: int | None = None) -> keras.Model:
-    """[B, height, width, 3] RGB of 0..255, sides multiples of 16 -> logits [B, h, w, CHANNELS], 0.47 M
-    weights."""
+    """Build the ruling network, of 0.47 M weights.
+
+    It maps [B, height, width, 3] RGB of 0..255, sides multiples of 16, to logits [B, h, w, CHANNELS].
+    """
     picture = keras.Input((height, width, 3), name="picture")
     x = _even_contrast(picture)
     x = _convolve(x, 48, 8, stride=4, name="stem")
@@ -71,7 +73,10 @@ def build_ruling_network(height: int | None = None, width: int | None = None) ->
 
 
 def _even_contrast(picture: keras.KerasTensor) -> keras.KerasTensor:
-    """Six channels: `picture` on -1..1, and its deviation from the local mean over the local contrast."""
+    """Return six channels: `picture` on -1..1, and its local deviation over the local contrast.
+
+    The deviation is from the local mean.
+    """
     scaled = keras.layers.Rescaling(1 / 127.5, -1, name="to_unit")(picture)
     rest = keras.ops.subtract(scaled, _average_locally(scaled))
     power = keras.ops.mean(keras.ops.square(rest), axis=-1, keepdims=True)
@@ -110,13 +115,13 @@ def _bottleneck(x: keras.KerasTensor, *, name: str, dilation: int = 1) -> keras.
 
 
 def split_heads(logits: tf.Tensor) -> dict[str, tf.Tensor]:
-    """The channels of `logits` [..., CHANNELS] by head; single channels without their axis."""
+    """Return the channels of `logits` [..., CHANNELS] by head; single channels without their axis."""
     parts = dict(zip(HEADS, tf.split(logits, list(HEADS.values()), -1), strict=True))
     return {name: part[..., 0] if HEADS[name] == 1 else part for name, part in parts.items()}
 
 
 def to_answers(logits: tf.Tensor) -> CellAnswers:
-    """Probabilities for the cells of one level from `logits` [h, w, CHANNELS]."""
+    """Return probabilities for the cells of one level from `logits` [h, w, CHANNELS]."""
     heads = split_heads(logits)
     return CellAnswers(
         readable=tf.sigmoid(heads["readable"]),
@@ -127,7 +132,7 @@ def to_answers(logits: tf.Tensor) -> CellAnswers:
 
 
 def ruling_losses(logits: tf.Tensor, targets: RulingTargets) -> dict[str, tf.Tensor]:
-    """Mean cross entropy of each head, scalars, of `logits` [B, h, w, CHANNELS].
+    """Return the mean cross entropy of each head, scalars, of `logits` [B, h, w, CHANNELS].
 
     Periods and directions are asked where a ruling can be read; a value between two bins is shared by both.
     """
@@ -150,18 +155,18 @@ def ruling_losses(logits: tf.Tensor, targets: RulingTargets) -> dict[str, tf.Ten
 
 
 def ruling_loss(logits: tf.Tensor, targets: RulingTargets) -> tf.Tensor:
-    """Weighted sum of the heads' losses, a scalar."""
+    """Return the weighted sum of the heads' losses, a scalar."""
     losses = ruling_losses(logits, targets)
     return tf.add_n([_WEIGHTS[name] * value for name, value in losses.items()])
 
 
 def to_bin(log_period: tf.Tensor) -> tf.Tensor:
-    """Fractional bins of ln of pixels per period."""
+    """Return fractional bins of ln of pixels per period."""
     return (log_period - math.log(FINEST_PX)) / LOG_STEP
 
 
 def share_between_bins(place: tf.Tensor, count: int, *, circular: bool) -> tf.Tensor:
-    """Weights [..., count] on the two bins nearest to fractional `place` [...], which sum to 1."""
+    """Return weights [..., count] on the two bins nearest to fractional `place` [...], which sum to 1."""
     if not circular:
         place = tf.clip_by_value(place, 0.0, count - 1.001)
     low = tf.floor(place)

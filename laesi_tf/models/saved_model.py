@@ -23,7 +23,7 @@ from laesi_tf.models.ruling_network import build_ruling_network
 from laesi_tf.models.weights_file import load_weights
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
-"""Folders `area` and `mask`: the exported runs that come with the package."""
+"""Folders `area`, `mask` and `ruling`: the exported runs that come with the package."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,7 @@
 """The compositing order of a synthetic image, from top to bottom.
 
-1. Layout: the leaf's outline and holes on the sheet, the camera's view, the label.
+1. Layout: the leaf's outline and holes on the sheet, the camera's view, the label. On an empty sheet the leaf
+   only places the camera: it is removed before step 3, so that mask and shadow are empty and the area is 0.
 2. Sheet: noise, crease, ruling; the desk around it.
 3. Props, from flat to high.
 4. The leaf's shadow; the leaf: colour, browned edge, spots, veins, undulation and relief; its mask.
@@ -13,7 +14,6 @@ This module holds no arithmetic. Each `kernels.x` is the XLA-compiled form of th
 module that `kernels` names. A stage receives the names of its components that images may contain.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -30,10 +30,8 @@ from laesi_tf.synthesis.props.drawing import composite_prop, round_up_side
 from laesi_tf.synthesis.props.placement import PropContext
 from laesi_tf.synthesis.props.registry import PROPS, SampledProp
 from laesi_tf.synthesis.scene import Scene
-from laesi_tf.synthesis.scene_layout import SceneLayout
+from laesi_tf.synthesis.scene_layout import SceneLayout, shrink_leaf_if
 
-_EMPTY_VIEW = 0.35
-"""Views of empty sheets are narrower than those of leaves by this."""
 _SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk", "desk_kinds", "cut_sheet")
 _VIEW = ("lens", "bend")
 _LEAF = ("surface", "browned_margin", "pale_margin", "spots", "veins", "undulation", "relief")
@@ -65,7 +63,8 @@ def render_scene(
     `textures` [N, T, T, 3] are photos of leaves relative to mean 1. Returns `image` uint8 [H, W, 3], `mask`
     uint8 [H, W] 0/1, `area_cm2`, `px_per_mm` (at the leaf's area centroid) and `tilt_deg` float32 [], `to_px`
     float32 [3, 3] (homography from sheet mm to pixels, without lens and bend), and `kind` int32 [], the
-    position of the leaf's kind in the ranges.
+    position of the leaf's kind in the ranges. On an empty sheet `mask` and `area_cm2` are 0, and `kind` has
+    no meaning.
     """
     layers = _prepare_layers(scene, layout or compute_layout(scene, size), size, textures)
     px_per_mm = layers.layout.view.px_per_mm
@@ -113,9 +112,7 @@ def compute_layout(scene: Scene, size: ImageSize) -> SceneLayout:
     """Place the leaf on the sheet and point the camera at it."""
     leaf = scene.leaf
     if "empty_sheet" in scene.components:
-        # The camera looks at what lies there instead of a leaf, often smaller things.
-        shrunk = leaf.length_mm * tf.where(scene.paper.empty, _EMPTY_VIEW, 1.0)
-        leaf = dataclasses.replace(leaf, length_mm=shrunk)
+        leaf = shrink_leaf_if(leaf, scene.paper.empty)
     points, lengths = kernels.trace_outline(leaf, scene.numbers.outline)
     curve = OutlineCurve(points, lengths, geometry.find_segments(lengths, OUTLINE_POINTS))
     # The size as a tensor: one compilation serves all sizes, and the label is the same at each.

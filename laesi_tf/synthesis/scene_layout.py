@@ -1,5 +1,6 @@
 """Where everything in a scene is: the leaf on the sheet, the camera's view of it, and edges in pixels."""
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -25,6 +26,8 @@ from laesi_tf.synthesis.rasterizer import EdgeContributions, edge_contributions
 
 WHOLE_LEAF_MM = 30.0
 """Width of the closest view that shows a whole leaf."""
+_EMPTY_VIEW = 0.35
+"""Width of the view of an empty sheet over that of a leaf."""
 
 
 class LeafPose(NamedTuple):
@@ -58,6 +61,11 @@ class SceneLayout(NamedTuple):
         keep = tf.where(is_empty, 0.0, 1.0)
         pose = LeafPose(keep * self.pose.rotation, keep * self.pose.translation)
         return SceneLayout(keep * self.outline, keep * self.holes, pose, self.view, keep * self.area_cm2)
+
+
+def shrink_leaf_if(leaf: LeafParams[Scalar], is_empty: tf.Tensor) -> LeafParams[Scalar]:
+    """Return `leaf`, shorter if `is_empty` [] bool: the view of an empty sheet often shows smaller things."""
+    return dataclasses.replace(leaf, length_mm=leaf.length_mm * tf.where(is_empty, _EMPTY_VIEW, 1.0))
 
 
 def compute_layout(

@@ -4,10 +4,10 @@ import tensorflow as tf
 
 
 def solve_normal(matrix: tf.Tensor, columns: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Solution [..., P, K] of symmetric positive definite systems [..., P, P], and ln of their determinants
-    [...].
+    """Solve symmetric positive definite systems [..., P, P] for `columns` [..., P, K].
 
-    Gauss-Jordan without pivoting, on the system scaled to a unit diagonal.
+    Return the solutions [..., P, K] and ln of the determinants [...]. Gauss-Jordan without pivoting, on the
+    system scaled to a unit diagonal.
     """
     count = matrix.shape[-1]
     scale = tf.sqrt(tf.maximum(tf.reduce_sum(matrix * tf.eye(count), -1), 1e-30))

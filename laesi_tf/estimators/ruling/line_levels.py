@@ -127,7 +127,7 @@ def sum_in_phase(
 
 @compile_stage
 def find_finer(windows: Windows, predicted: tf.Tensor, *, params: LevelParams) -> FinerLines:
-    """Whether the 2nd, 5th or 10th wave stands out of the fitted lines' own harmonics.
+    """Return whether the 2nd, 5th or 10th wave stands out of the fitted lines' own harmonics.
 
     Sharp heavy lines have waves of all orders, whose strength falls smoothly with the order; lines in between
     add to every second, fifth or tenth only.
@@ -163,7 +163,7 @@ def find_finer(windows: Windows, predicted: tf.Tensor, *, params: LevelParams) -
 
 @compile_stage
 def find_coarser(windows: Windows, predicted: tf.Tensor, *, params: LevelParams) -> tf.Tensor:
-    """10, 5 or 1, float scalar: how many times farther apart the lines are than the fitted waves.
+    """Return how many times farther apart the lines are than the fitted waves: 10, 5 or 1, float scalar.
 
     The cells can take a harmonic of wide squares for lines. Where nothing is printed between the lines, the
     wave that was fitted is one of a row of harmonics whose strength falls smoothly; lines in between, or
@@ -181,14 +181,14 @@ def find_coarser(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
 
 
 def _mean_by_square(low: tf.Tensor, high: tf.Tensor, below: int, order: int, above: int) -> tf.Tensor:
-    """Logarithms at orders `below` and `above`, interpolated to `order` as of a Gaussian blur."""
+    """Return logarithms interpolated from orders `below` and `above` to `order`, as of a Gaussian blur."""
     share = (order**2 - below**2) / (above**2 - below**2)
     return (1 - share) * low + share * high
 
 
 @compile_stage
 def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams) -> HeavierLines:
-    """Which of the fitted lines are heavier, and whether they are the finest at all.
+    """Return which of the fitted lines are heavier, and whether they are the finest at all.
 
     Heavier lines make waves between the fitted ones. Doubled heavy fives can be stronger at 4/5 or 6/5 of the
     finest wave than the finest itself, and the fit of one family may then hold on to those: that family alone

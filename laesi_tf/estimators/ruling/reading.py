@@ -70,8 +70,10 @@ class Reading(NamedTuple):
 
 
 def choose_level(period: tf.Tensor, size: tf.Tensor, params: ReadingParams) -> tf.Tensor:
-    """The pyramid level, int scalar, at which to measure lines of `period` frame pixels in a photo of `size`
-    [2]."""
+    """Return the pyramid level, int scalar, at which to measure lines of `period` frame pixels.
+
+    `size` [2] is that of the photo.
+    """
     level = tf.math.ceil(tf.math.log(period / params.coarsest_px) / tf.math.log(2.0))
     room = tf.floor(tf.math.log(tf.reduce_min(size) / params.room_px) / tf.math.log(2.0))
     return tf.cast(tf.clip_by_value(tf.minimum(level, room), 0.0, LEVELS - 1.0), tf.int32)
@@ -80,8 +82,11 @@ def choose_level(period: tf.Tensor, size: tf.Tensor, params: ReadingParams) -> t
 def choose_surer(
     one: tuple[SheetFit, HeavierLines], other: tuple[SheetFit, HeavierLines], params: LevelParams
 ) -> tuple[SheetFit, HeavierLines]:
-    """`other` where both of its families show heavier lines and not both of `one` do, or where it alone has
-    both families at all."""
+    """Return the surer of two fits.
+
+    That is `other` where both of its families show heavier lines and not both of `one` do, or where it alone
+    has both families at all.
+    """
     (fit, heavier), (other_fit, other_heavier) = one, other
     is_faint = tf.reduce_min(fit.signal) < 0.25 * tf.reduce_min(other_fit.signal)
     is_surer = other_heavier.surest > tf.maximum(params.heavy, 2 * heavier.surest)
@@ -89,7 +94,7 @@ def choose_surer(
 
 
 def sample_cells(field: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
-    """`field` [C, C] of the frame's cells at `points` [..., 2] in frame pixels, nearest cell."""
+    """Return `field` [C, C] of the frame's cells at `points` [..., 2] in frame pixels, nearest cell."""
     side = field.shape[0]
     cell = tf.cast(tf.clip_by_value(points / CELL_PX, 0.0, side - 1.0), tf.int32)
     return tf.gather(tf.reshape(field, [-1]), cell[..., 1] * side + cell[..., 0])
@@ -109,13 +114,15 @@ def prepare_windows(
 
 @compile_stage
 def predict_in(windows: Windows, size: tf.Tensor, parameters: tf.Tensor) -> tf.Tensor:
-    """Waves [N, 2, 3] that `parameters` [COUNT] predict in `windows` of a photo of `size` [2]."""
+    """Return the waves [N, 2, 3] that `parameters` [COUNT] predict in `windows` of a photo of `size` [2]."""
     return predict_waves(parameters, window_points(windows, size)[0])
 
 
 def cover_ruling(agreement: tf.Tensor) -> tf.Tensor:
-    """Where the ruling is, 0..1 [C, C]: `agreement` [C, C] with single holes filled and what only borders on
-    it left out."""
+    """Return where the ruling is, 0..1 [C, C].
+
+    That is `agreement` [C, C] with single holes filled and cells that only border on it left out.
+    """
     mean = tf.nn.avg_pool2d(agreement[None, ..., None], 3, 1, "SAME")[0, ..., 0]
     return tf.clip_by_value(2.5 * mean - 0.9, 0.0, 1.0)
 

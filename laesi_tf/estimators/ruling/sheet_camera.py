@@ -53,11 +53,11 @@ class SheetCamera:
     error_params: ScaleErrorParams = field(default_factory=ScaleErrorParams)
 
     def to_sheet(self, points: np.ndarray) -> np.ndarray:
-        """Sheet millimetres [..., 2] of photo `points` [..., 2]."""
+        """Return the sheet millimetres [..., 2] of photo `points` [..., 2]."""
         return self.pitch_mm * self._lines(self.parameters, self._normalise(points))
 
     def to_photo(self, points: np.ndarray) -> np.ndarray:
-        """Photo pixels [..., 2] of sheet `points` [..., 2], millimetres: Newton's method on `to_sheet`."""
+        """Return photo pixels [..., 2] of sheet `points` [..., 2], mm, by Newton's method on `to_sheet`."""
         target = np.asarray(points, float) / self.pitch_mm
         place = self._undistorted_inverse(target)
         for _ in range(12):
@@ -69,22 +69,22 @@ class SheetCamera:
         return (place * unit + middle) * self.step
 
     def mm2_per_px(self, points: np.ndarray) -> np.ndarray:
-        """Square millimetres of the sheet under a pixel at photo `points` [..., 2]."""
+        """Return the square millimetres of the sheet under a pixel at photo `points` [..., 2]."""
         unit, _ = self._frame()
         jacobian = self._jacobian(self.parameters, self._normalise(points)) / unit
         return np.abs(np.linalg.det(jacobian)) * self.pitch_mm**2 / (self.step[0] * self.step[1])
 
     def px_per_mm(self, point: np.ndarray) -> float:
-        """Scale at a photo `point` [2]: geometric mean over directions."""
+        """Return the scale at a photo `point` [2]: geometric mean over directions."""
         return float(1 / np.sqrt(self.mm2_per_px(point)))
 
     def distance_mm(self, point: np.ndarray) -> float:
-        """Distance from the camera to the sheet at a photo `point` [2], with a typical focal length."""
+        """Return the camera's distance from the sheet at a photo `point` [2], with a typical focal length."""
         focal_px = FOCAL * max(self.size) * math.sqrt(self.step[0] * self.step[1])
         return focal_px / self.px_per_mm(point)
 
     def scale_error(self, point: np.ndarray) -> float:
-        """Relative standard deviation of `px_per_mm` at a photo `point` [2].
+        """Return the relative standard deviation of `px_per_mm` at a photo `point` [2].
 
         The fit's covariance, what paper that is not flat adds, and a floor.
         """
@@ -102,7 +102,7 @@ class SheetCamera:
         return math.hypot(of_fit, self.error_params.waviness * self.phase_error, self.error_params.floor)
 
     def tilt_deg(self) -> float:
-        """Angle between the camera's axis and the paper's normal at the photo's middle, degrees.
+        """Return the angle in degrees between the camera's axis and the paper's normal at the photo's middle.
 
         Assumes square pixels and the principal point in the middle. There the scales across and along the
         tilt are as 1 to cos(tilt), and the scale's relative change per pixel is tan(tilt) over the focal
@@ -132,7 +132,7 @@ class SheetCamera:
         return np.stack(to_lines(model, place[..., 0], place[..., 1]), -1)
 
     def _jacobian(self, parameters: np.ndarray, place: np.ndarray) -> np.ndarray:
-        """[..., 2, 2]: rows are the gradients of both sheet coordinates by normalised place [..., 2]."""
+        """Return [..., 2, 2], rows: gradients of both sheet coordinates by normalised place [..., 2]."""
         steps = np.eye(2) * _DIFFERENCE
         columns = [
             (self._lines(parameters, place + step) - self._lines(parameters, place - step))
@@ -142,7 +142,7 @@ class SheetCamera:
         return np.stack(columns, -1)
 
     def _undistorted_inverse(self, lines: np.ndarray) -> np.ndarray:
-        """Normalised places [..., 2] of sheet coordinates in periods, by the homography alone."""
+        """Return normalised places [..., 2] of sheet coordinates in periods, by the homography alone."""
         m = SheetModel(*self.parameters.astype(float))
         u, v = lines[..., 0] - m.offset_u, lines[..., 1] - m.offset_v
         a, b = m.ux - u * m.tilt_x, m.uy - u * m.tilt_y

@@ -98,8 +98,10 @@ class SheetFit(NamedTuple):
 
 
 def robust_weights(found: tf.Tensor, weight: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Cauchy weights [N, 2] of windows' families with normalised residuals [N, 2, 3] and `weight` [N, 2,
-    3]."""
+    """Return Cauchy weights [N, 2] of the windows' families, and the scale of their residuals.
+
+    `found` [N, 2, 3] are normalised residuals with `weight` [N, 2, 3].
+    """
     worst = tf.sqrt(
         tf.reduce_sum(found**2 * weight, -1) / tf.maximum(tf.reduce_sum(tf.sign(weight), -1), 1.0)
     )
@@ -115,10 +117,10 @@ def step_parameters(
     weight: tf.Tensor,
     priors: tf.Tensor,
 ) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
-    """One Gauss-Newton step of models [M, COUNT]: new parameters, normal matrices, residuals [M, N, 2, 3]
-    before it.
+    """Take one Gauss-Newton step of models [M, COUNT].
 
-    `weight` [N, 2, 3] multiplies squared residuals; `priors` [M, COUNT] are standard deviations about 0.
+    Return the new parameters, the normal matrices, and the residuals [M, N, 2, 3] before the step. `weight`
+    [N, 2, 3] multiplies squared residuals; `priors` [M, COUNT] are standard deviations about 0.
     """
     models = parameters.shape[0]
     shifts = tf.concat([tf.linalg.diag(_STEPS), -tf.linalg.diag(_STEPS), tf.zeros([1, COUNT])], 0)
@@ -138,8 +140,10 @@ def step_parameters(
 def fit_frequencies(
     start: tf.Tensor, points: tf.Tensor, measured: Measured, rounds: tf.Tensor, *, params: FitParams
 ) -> tf.Tensor:
-    """Parameters [COUNT] fitted to the windows' frequencies alone in `rounds` steps, int scalar; lens and
-    bend as far as their priors let them."""
+    """Fit parameters [COUNT] to the windows' frequencies alone in `rounds` steps, int scalar.
+
+    Lens and bend change as far as their priors let them.
+    """
     use = np.array([1, 1, 0], np.float32)
     full = measured.weights[..., None] * use
     windows = tf.reduce_sum(tf.cast(measured.weights > 0, tf.float32)) / 2
@@ -185,8 +189,10 @@ def _improve_models(
     full: tf.Tensor,
     priors: tf.Tensor,
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Four robust steps of models [M, COUNT], with weights [N, 2, 3] from the last, richest one; and those
-    weights."""
+    """Take four robust steps of models [M, COUNT].
+
+    Return the models, and the weights [N, 2, 3] by the residuals of the last, richest one.
+    """
 
     def improve(turn: tf.Tensor, models: tf.Tensor, _: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
         weight, _ = robust_weights(residuals(models[-1], points, measured), full)

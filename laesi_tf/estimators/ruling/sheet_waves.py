@@ -42,7 +42,7 @@ class Measured(NamedTuple):
 
 
 def window_points(windows: Windows, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
-    """Normalised points [N, 5, 2] that stand for the windows, and the normalised size of one of their pixels.
+    """Return the normalised points [N, 5, 2] that stand for the windows, and their pixels' normalised size.
 
     `size` [2] is the photo's (height, width) in frame pixels.
     """
@@ -54,8 +54,10 @@ def window_points(windows: Windows, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tens
 
 
 def predict_waves(parameters: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
-    """Frequencies and phases [..., N, 2, 3] that `parameters` [..., COUNT] predict for windows at `points`
-    [N, 5, 2]."""
+    """Return the frequencies and phases [..., N, 2, 3] that `parameters` [..., COUNT] predict.
+
+    The windows are at `points` [N, 5, 2].
+    """
     model = SheetModel(*(part[..., None] for part in tf.unstack(parameters[..., None, :], axis=-1)))
     lines = tf.stack(to_lines(model, points[..., 0], points[..., 1]), -2)
     middle, right, left, below, above = tf.unstack(lines, axis=-1)
@@ -70,8 +72,10 @@ def predict_waves(parameters: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
 def measure(
     windows: Windows, noise: tf.Tensor, frequency: tf.Tensor, *, params: WaveParams
 ) -> tuple[Measured, tf.Tensor]:
-    """Measure both families at `frequency` [N, 2, 2], which is near to theirs; and their signal to noise [N,
-    2]."""
+    """Measure both families at `frequency` [N, 2, 2], which is near to theirs.
+
+    Return the waves, and their signal to noise [N, 2].
+    """
     waves = measure_waves(windows.ink, frequency)
     length = tf.norm(frequency, axis=-1)
     signal = waves.power / noise
@@ -86,26 +90,26 @@ def measure(
 
 
 def masked_median(values: tf.Tensor, mask: tf.Tensor) -> tf.Tensor:
-    """Median of `values` [n] where `mask` [n] is true; large where it never is."""
+    """Return the median of `values` [n] where `mask` [n] is true; large where it never is."""
     order = tf.sort(tf.where(mask, values, 1e9))
     count = tf.reduce_sum(tf.cast(mask, tf.int32))
     return tf.gather(order, tf.maximum(count - 1, 0) // 2)
 
 
 def wrap(phase: tf.Tensor) -> tf.Tensor:
-    """Phases in periods, to -0.5..0.5."""
+    """Return `phase`, in periods, moved to -0.5..0.5."""
     return phase - tf.round(phase)
 
 
 def residuals(parameters: tf.Tensor, points: tf.Tensor, measured: Measured) -> tf.Tensor:
-    """(measured - predicted) / standard deviation, [..., N, 2, 3]."""
+    """Return (measured - predicted) / standard deviation, [..., N, 2, 3]."""
     return (measured.values - predict_waves(parameters, points)) / measured.errors
 
 
 def unwrap(
     residual: tf.Tensor, slope: tf.Tensor, error: tf.Tensor, middles: tf.Tensor, weight: tf.Tensor
 ) -> tf.Tensor:
-    """Phase residuals [N, 2] made continuous from window to nearest window.
+    """Return phase residuals [N, 2] made continuous from window to nearest window.
 
     `slope` [N, 2, 2] are the frequency residuals with standard deviations `error` [N, 2]; `middles` [N, 2]
     are in the same pixels.

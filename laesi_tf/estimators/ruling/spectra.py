@@ -74,7 +74,7 @@ class Waves(NamedTuple):
 
 
 def build_pyramid(frame: tf.Tensor, levels: int) -> list[tf.Tensor]:
-    """`frame` [F, F, 3] and its means over squares of 2, 4, ... pixels."""
+    """Return `frame` [F, F, 3] and its means over squares of 2, 4, ... pixels."""
     pyramid = [frame]
     for _ in range(levels - 1):
         pyramid.append(tf.nn.avg_pool2d(pyramid[-1][None], 2, 2, "VALID")[0])
@@ -82,7 +82,7 @@ def build_pyramid(frame: tf.Tensor, levels: int) -> list[tf.Tensor]:
 
 
 def cut_windows(pyramid: list[tf.Tensor], level: tf.Tensor, middles: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
-    """Pixels [N, SIDE, SIDE, 3] of windows of `level` around `middles` [N, 2], frame pixels.
+    """Return the pixels [N, SIDE, SIDE, 3] of windows of `level` around `middles` [N, 2], frame pixels.
 
     What lies beyond the photo of `size` [2] (height, width in frame pixels) repeats its border.
     """
@@ -104,9 +104,10 @@ def cut_windows(pyramid: list[tf.Tensor], level: tf.Tensor, middles: tf.Tensor, 
 
 
 def find_ink_colour(pixels: tf.Tensor, weights: tf.Tensor) -> tf.Tensor:
-    """Weights [3] of the channels in which pixels [N, SIDE, SIDE, 3] a few apart differ most, of unit length.
+    """Return weights [3], of unit length, of the channels in which pixels a few apart differ most.
 
-    Differences are clipped at twice their mean, so that lines count and edges of leaves do not.
+    `pixels` are [N, SIDE, SIDE, 3]. Differences are clipped at twice their mean, so that lines count and
+    edges of leaves do not.
     """
 
     def sample(down: int, right: int) -> tf.Tensor:
@@ -127,11 +128,11 @@ def find_ink_colour(pixels: tf.Tensor, weights: tf.Tensor) -> tf.Tensor:
 
 
 def extract_ink(pixels: tf.Tensor, weights: tf.Tensor, ruled: tf.Tensor) -> tf.Tensor:
-    """Darkness [N, SIDE, SIDE] of the lines in `pixels` [N, SIDE, SIDE, 3] without its slow part, times the
-    Hann window.
+    """Return the darkness [N, SIDE, SIDE] of the lines in `pixels` [N, SIDE, SIDE, 3].
 
-    `ruled` [N, C, C] says on a coarse grid where the ruling is, 0..1; the rest is faded out. What stands out
-    more than lines do (edges of leaves) is clipped.
+    Its slow part is removed, and it is multiplied by the Hann window. `ruled` [N, C, C] says on a coarse grid
+    where the ruling is, 0..1; the rest is faded out. What stands out more than lines do (edges of leaves) is
+    clipped.
     """
     colour = find_ink_colour(pixels, weights)
     grey = tf.linalg.matvec(pixels, -colour)[..., None]
@@ -143,13 +144,13 @@ def extract_ink(pixels: tf.Tensor, weights: tf.Tensor, ruled: tf.Tensor) -> tf.T
 
 
 def compute_power(ink: tf.Tensor) -> tf.Tensor:
-    """Power spectra [N, SIDE, SIDE / 2 + 1] of windows."""
+    """Return the power spectra [N, SIDE, SIDE / 2 + 1] of windows."""
     transformed = tf.signal.rfft2d(ink, [SIDE, SIDE])
     return tf.math.real(transformed) ** 2 + tf.math.imag(transformed) ** 2
 
 
 def read_power(power: tf.Tensor, frequency: tf.Tensor) -> tf.Tensor:
-    """Power [N, ...] at the nearest bins to `frequency` [N, ..., 2]."""
+    """Return the power [N, ...] at the nearest bins to `frequency` [N, ..., 2]."""
     count = power.shape[0]
     bins = tf.cast(tf.round(frequency * SIDE), tf.int32)
     column, row = bins[..., 0], bins[..., 1]
@@ -163,11 +164,10 @@ def read_power(power: tf.Tensor, frequency: tf.Tensor) -> tf.Tensor:
 
 @compile_stage
 def measure_noise(power: tf.Tensor, length: tf.Tensor) -> tf.Tensor:
-    """Noise power [N, F] around frequencies of `length` [N, F], periods per pixel: geometric mean over all
-    directions.
+    """Return the noise power [N, F] around frequencies of `length` [N, F], periods per pixel.
 
-    The mean of the logarithm passes over the few bins that hold the waves themselves; of pure noise it lies
-    below the mean power by a factor of exp(0.577).
+    It is the geometric mean over all directions. The mean of the logarithm passes over the few bins that hold
+    the waves themselves; of pure noise it lies below the mean power by a factor of exp(0.577).
     """
     y = np.fft.fftfreq(SIDE).astype(np.float32)[:, None]
     x = (np.arange(SIDE // 2 + 1) / SIDE).astype(np.float32)
@@ -181,7 +181,7 @@ def measure_noise(power: tf.Tensor, length: tf.Tensor) -> tf.Tensor:
 
 
 def measure_waves(ink: tf.Tensor, frequency: tf.Tensor) -> Waves:
-    """Complex amplitudes of waves at `frequency` [N, K, 2] in windows [N, SIDE, SIDE].
+    """Return complex amplitudes of waves at `frequency` [N, K, 2] in windows [N, SIDE, SIDE].
 
     The correction is the first moment's: for a single wave nearby it leads to that wave's frequency.
     """
@@ -211,7 +211,7 @@ def measure_waves(ink: tf.Tensor, frequency: tf.Tensor) -> Waves:
 def find_families(
     power: tf.Tensor, weights: tf.Tensor, length: tf.Tensor, direction: tf.Tensor, *, params: SearchParams
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """ln of the factors [2] between the families' frequencies and what the cells say, common to all windows.
+    """Return ln of the factors [2] from the cells' answers to the families' frequencies in all windows.
 
     `length` [N] (periods per pixel) and `direction` [N] (radians) are the cells' answers. The first result is
     for square pixels, the second for photos that may be stretched.
@@ -247,8 +247,10 @@ def find_peaks(
     *,
     params: SearchParams,
 ) -> tf.Tensor:
-    """Frequencies [N, 2 families, 2] of the strongest waves near the cells' answers times exp(`factors`
-    [2])."""
+    """Return the frequencies [N, 2 families, 2] of the strongest waves near the cells' answers.
+
+    The answers are multiplied by exp(`factors` [2]) first.
+    """
     ratios = np.linspace(-params.peak_reach, params.peak_reach, 7, dtype=np.float32)
     turns = np.linspace(-1.5 * params.turn_reach, 1.5 * params.turn_reach, 13, dtype=np.float32)
     around = _polar(length, direction, ratios, turns, factors)
@@ -270,7 +272,7 @@ def _polar(
     turns: np.ndarray,
     factors: tf.Tensor | None = None,
 ) -> tf.Tensor:
-    """Frequencies [N, 2 families, ratios, turns, 2] around the cells' answers [N]."""
+    """Return frequencies [N, 2 families, ratios, turns, 2] around the cells' answers [N]."""
     logs = ratios[None, :] + (tf.zeros([2, 1]) if factors is None else factors[:, None])
     sizes = length[:, None, None] * tf.exp(logs)
     angles = direction[:, None, None] + np.array([0, np.pi / 2], np.float32)[:, None] + turns

@@ -57,7 +57,7 @@ class Votes(NamedTuple):
 
 
 def count_votes(answers: list[CellAnswers], params: VoteParams) -> tf.Tensor:
-    """Votes [VOTE_BINS] for every period in pixels of the frame; a cell of level l counts 2^l times."""
+    """Return votes [VOTE_BINS] for periods in pixels of the frame; a cell of level l counts 2^l times."""
     total = tf.zeros([VOTE_BINS])
     for level, cells in enumerate(answers):
         sure = tf.where(cells.readable > params.sure, cells.readable, 0.0)
@@ -68,8 +68,10 @@ def count_votes(answers: list[CellAnswers], params: VoteParams) -> tf.Tensor:
 
 
 def find_winner(total: tf.Tensor, params: VoteParams) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
-    """The winner's fractional bin, the rival's bin and the rival's share of the winner's votes
-    [VOTE_BINS]."""
+    """Return the winner's fractional bin, the rival's bin and the rival's share of the winner's votes.
+
+    `total` [VOTE_BINS] are all votes.
+    """
     kernel = np.array([0.5, 1.0, 1.0, 1.0, 0.5], np.float32)[:, None, None]
     smooth = tf.nn.conv1d(total[None, :, None], kernel, 1, "SAME")[0, :, 0]
     places = tf.range(VOTE_BINS, dtype=tf.float32)
@@ -83,7 +85,7 @@ def find_winner(total: tf.Tensor, params: VoteParams) -> tuple[tf.Tensor, tf.Ten
 
 @compile_stage
 def collect_votes(answers: list[CellAnswers], *, params: VoteParams) -> Votes:
-    """The winning period among all cells of all levels, and who agrees with it where."""
+    """Return the winning period among all cells of all levels, and which cells agree with it."""
     winner, rival, share = find_winner(count_votes(answers, params), params)
     turns = 2 * np.pi * np.arange(DIRECTION_BINS, dtype=np.float32) / DIRECTION_BINS
     wheel = np.stack([np.cos(turns), np.sin(turns)], 1).astype(np.float32)
@@ -125,13 +127,15 @@ def collect_votes(answers: list[CellAnswers], *, params: VoteParams) -> Votes:
 
 
 def _repeat_cells(values: tf.Tensor, times: int) -> tf.Tensor:
-    """`values` [h, w, C] with each cell repeated `times` x `times`."""
+    """Return `values` [h, w, C] with each cell repeated `times` x `times`."""
     return tf.repeat(tf.repeat(values, times, 0), times, 1) if times > 1 else values
 
 
 def _unwrapped_direction(vectors: tf.Tensor, overall: tf.Tensor) -> tf.Tensor:
-    """Directions in radians from `vectors` [h, w, 2] of four times the angle, within 45 degrees of `overall`
-    [2]."""
+    """Return directions in radians from `vectors` [h, w, 2] of four times the angle.
+
+    They are within 45 degrees of `overall` [2].
+    """
     common = tf.atan2(overall[1], overall[0])
     c, s = overall[0], overall[1]
     along = vectors[..., 0] * c + vectors[..., 1] * s + 1e-6
@@ -142,19 +146,19 @@ def _unwrapped_direction(vectors: tf.Tensor, overall: tf.Tensor) -> tf.Tensor:
 def choose_windows(
     votes: Votes, size: tf.Tensor, *, level: tf.Tensor, count: int, side_px: int, params: VoteParams
 ) -> tuple[tf.Tensor, tf.Tensor]:
-    """Middles [count, 2] of windows, (x, y) in frame pixels at whole pixels of `level`, and their weights
-    [count].
+    """Return middles [count, 2] of windows, (x, y) in frame pixels, and their weights [count].
 
-    `size` [2] is the photo's (height, width) in frame pixels, float. A window covers `side_px` pixels of
-    `level`. The best covered place comes first; each next one is far from those chosen and well covered. A
-    weight is 0 where all that is left overlaps with chosen windows by more than 60 %.
+    Middles are at whole pixels of `level`. `size` [2] is the photo's (height, width) in frame pixels, float.
+    A window covers `side_px` pixels of `level`. The best covered place comes first; each next one is far from
+    those chosen and well covered. A weight is 0 where all that is left overlaps with chosen windows by more
+    than 60 %.
     """
     step = tf.pow(2.0, tf.cast(level, tf.float32))
     half = side_px / 2 * step
     places = (tf.range(FRAME_CELLS, dtype=tf.float32) + 0.5) * CELL_PX
 
     def within(side: tf.Tensor) -> tf.Tensor:
-        """Middles of cells moved so that the window lies in the photo, at whole pixels of the level."""
+        """Return middles of cells moved so that the window is in the photo, at whole pixels of the level."""
         clipped = tf.clip_by_value(places, half, tf.maximum(half, side - half))
         return tf.floor(clipped / step + 0.5) * step
 
@@ -180,7 +184,7 @@ def choose_windows(
 
 
 def _coverage(agreement: tf.Tensor, x: tf.Tensor, y: tf.Tensor, half: tf.Tensor) -> tf.Tensor:
-    """Mean of `agreement` over the square of `half` side (frame pixels) around every (x, y)."""
+    """Return the mean of `agreement` over the square of `half` side (frame pixels) around every (x, y)."""
     total = tf.pad(tf.cumsum(tf.cumsum(agreement, 0), 1), [[1, 0], [1, 0]])
 
     def corner(at_x: tf.Tensor, at_y: tf.Tensor) -> tf.Tensor:
