@@ -14,7 +14,12 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.factory import load_estimator
-from laesi_tf.estimators.leaf_outline import LeafOutlineParams, looks_like_pen
+from laesi_tf.estimators.leaf_outline import (
+    LeafOutlineParams,
+    looks_like_coin,
+    looks_like_note,
+    looks_like_pen,
+)
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 
 SIZE = (64, 64)
@@ -107,6 +112,20 @@ def test_load_estimator_follows_the_runs_task(tmp_path: Path) -> None:
         load_estimator(area, mask_run=mask)
     with pytest.raises(InputError, match="without --guess"):
         load_estimator("rule_based", guess=True)
+
+
+@pytest.mark.parametrize("turn", [0, 25, 90])
+def test_notes_and_coins_are_not_leaves_and_leaves_neither(turn: int) -> None:
+    params = LeafOutlineParams()
+    note = cv2.boxPoints(((300.0, 200.0), (120.0, 80.0), float(turn)))
+    coin = np.array(cv2.ellipse2Poly((300, 200), (60, 54), turn, 0, 360, 3), float)
+    leaflet = np.array(cv2.ellipse2Poly((300, 200), (90, 45), turn, 0, 360, 3), float)
+    angle = np.linspace(0, 2 * np.pi, 120, endpoint=False)
+    radius = 80 * (1 + 0.12 * np.sin(5 * angle))
+    lobed = np.stack([300 + radius * np.cos(angle), 200 + radius * np.sin(angle)], 1)
+    assert looks_like_note(note, params) and looks_like_coin(coin, params)
+    for leaf in (leaflet, lobed):
+        assert not looks_like_note(leaf, params) and not looks_like_coin(leaf, params)
 
 
 @pytest.mark.parametrize("turn", [0, 25, 90])

@@ -46,6 +46,16 @@ class LeafOutlineParams:
         0.8, unit="share of the box", set_on="the area of an ellipse is 0.785 of its box; 2026-11-25"
     )
     """A pen fills at least so much of its box; slender leaves taper."""
+    note_min_fill: float = parameter(
+        0.93, unit="share of the box", set_on="rendered (split develop) and cases, 2026-11-29"
+    )
+    """A note or a label fills at least so much of its box."""
+    coin_max_deviation: float = parameter(
+        0.03, unit="radii", set_on="rendered (split develop) and cases, 2026-11-29"
+    )
+    """Standard deviation of a coin's outline from an ellipse, at most."""
+    coin_min_aspect: float = parameter(0.75, unit="width over length", set_on="a tilt of 40 degrees")
+    """A coin is at least so round; leaflets are longer."""
     error_sd: float = parameter(
         0.8,
         unit="expected errors",
@@ -143,6 +153,26 @@ def looks_like_pen(outline: Points, params: LeafOutlineParams) -> bool:
     _, sides, _ = cv2.minAreaRect(points)
     is_slender = min(sides) < params.pen_max_aspect * max(sides)
     return is_slender and cv2.contourArea(points) > params.pen_min_fill * sides[0] * sides[1]
+
+
+def looks_like_note(outline: Points, params: LeafOutlineParams) -> bool:
+    """Return whether `outline` [N, 2] is a rectangle, as of a note or a label."""
+    points = outline.astype(np.float32)
+    _, sides, _ = cv2.minAreaRect(points)
+    return cv2.contourArea(points) > params.note_min_fill * sides[0] * sides[1]
+
+
+def looks_like_coin(outline: Points, params: LeafOutlineParams) -> bool:
+    """Return whether `outline` [N, 2] is an ellipse, as of a coin."""
+    if len(outline) < 20:
+        return False
+    middle, axes, angle = cv2.fitEllipse(outline.astype(np.float32))
+    if min(axes) < params.coin_min_aspect * max(axes):
+        return False
+    turn = np.deg2rad(angle)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    radii = np.linalg.norm((outline - middle) @ rotation / (np.maximum(axes, 1e-6) / 2), axis=1)
+    return bool(radii.std() < params.coin_max_deviation)
 
 
 def paint_masks(masks: Iterable[PlacedMask], target: Crop) -> Mask:

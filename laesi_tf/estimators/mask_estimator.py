@@ -14,6 +14,8 @@ from laesi_tf.estimators.leaf_detector import LeafDetector
 from laesi_tf.estimators.leaf_outline import (
     LeafOutline,
     LeafOutlineParams,
+    looks_like_coin,
+    looks_like_note,
     looks_like_pen,
     outline_leaf,
     paint_masks,
@@ -76,13 +78,22 @@ class MaskEstimator:
         return self._detector.find_leaves(pyramid)
 
     def outline_leaves(self, candidates: Sequence[LeafCandidate], pyramid: PhotoPyramid) -> list[LeafOutline]:
-        """Outline detected leaves at the photo's resolution, in reading order; pens are left out."""
+        """Outline detected leaves at the photo's resolution, in reading order.
+
+        Pens, notes and coins are left out, unless there is nothing else: cuttings of leaves are round, too.
+        """
         params = self.params.outline
         outlined = (outline_leaf(candidate, pyramid.size, params) for candidate in candidates)
         outlines = [outline for outline in outlined if outline is not None]
         if len(outlines) > 1:
-            leaves = [outline for outline in outlines if not looks_like_pen(outline.polygon.outer, params)]
+            leaves = [outline for outline in outlines if not _looks_made(outline, params)]
             outlines = leaves or outlines
         contours = [outline.polygon.outer for outline in outlines]
         boxes = np.array([[contour.min(axis=0), contour.max(axis=0)] for contour in contours])
         return [outlines[index] for index in sort_in_reading_order(boxes.reshape(-1, 2, 2))]
+
+
+def _looks_made(outline: LeafOutline, params: LeafOutlineParams) -> bool:
+    """Return whether an outline has the shape of a thing rather than of a leaf."""
+    contour = outline.polygon.outer
+    return any(looks(contour, params) for looks in (looks_like_pen, looks_like_note, looks_like_coin))
