@@ -154,8 +154,13 @@ def judge_reading(
         if grid_mm is None:
             text = FINEST_UNCERTAIN if uncertain else PITCH_UNKNOWN
             return SheetReading(refusal=text.format(period=period), paper=paper)
-        periods = max(size) * float(reading.finer.factor) / float(reading.votes.period_px)
-        if uncertain and grid_mm < params.always_finest_mm and 5 * grid_mm * periods < params.widest_mm:
+        view_mm = grid_mm * max(size) * float(reading.finer.factor) / float(reading.votes.period_px)
+        # Lines of which only every fifth or every tenth was seen show a wider view than it seems.
+        may_be_heavier = any(
+            (paper == "1-2" or not excluded) and order * view_mm < params.widest_mm
+            for order, excluded in zip(FINER[1:], reading.finer.excluded[1:], strict=True)
+        )
+        if may_be_heavier and float(reading.finer.factor) < 1.5 and grid_mm < params.always_finest_mm:
             return SheetReading(refusal=NAMED_UNCERTAIN.format(period=period, grid=grid_mm), paper=paper)
     camera = SheetCamera(
         np.asarray(fit.parameters, float),
