@@ -139,5 +139,5 @@ def test_on_a_scene_with_a_square_the_scale_is_right() -> None:
 def test_load_estimator_accepts_its_name() -> None:
     assert isinstance(load_estimator("rule_based"), EasyLeafArea)
     assert isinstance(load_estimator(Path("rule_based")), EasyLeafArea)
-    with pytest.raises(InputError, match="mask model"):
+    with pytest.raises(InputError, match="without --mask-model"):
         load_estimator("rule_based", mask_run="runs/mask")

@@ -8,6 +8,7 @@ import keras
 import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
+from laesi_tf.common.geometry import polygon_area
 from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams
 from laesi_tf.estimators.leaf_detector import LeafDetector
@@ -80,20 +81,33 @@ class MaskEstimator:
     def outline_leaves(self, candidates: Sequence[LeafCandidate], pyramid: PhotoPyramid) -> list[LeafOutline]:
         """Outline detected leaves at the photo's resolution, in reading order.
 
-        Pens, notes and coins are left out, unless there is nothing else: cuttings of leaves are round, too.
+        Pens and notes are left out, unless there is nothing else, and coins beside a larger leaf: cuttings of
+        leaves are round, too.
         """
         params = self.params.outline
         outlined = (outline_leaf(candidate, pyramid.size, params) for candidate in candidates)
         outlines = [outline for outline in outlined if outline is not None]
         if len(outlines) > 1:
             leaves = [outline for outline in outlines if not _looks_made(outline, params)]
-            outlines = leaves or outlines
+            outlines = _leave_out_coins(leaves or outlines, params)
         contours = [outline.polygon.outer for outline in outlines]
         boxes = np.array([[contour.min(axis=0), contour.max(axis=0)] for contour in contours])
         return [outlines[index] for index in sort_in_reading_order(boxes.reshape(-1, 2, 2))]
 
 
 def _looks_made(outline: LeafOutline, params: LeafOutlineParams) -> bool:
-    """Return whether an outline has the shape of a thing rather than of a leaf."""
+    """Return whether an outline has the shape of a pen or a note rather than of a leaf."""
     contour = outline.polygon.outer
-    return any(looks(contour, params) for looks in (looks_like_pen, looks_like_note, looks_like_coin))
+    return looks_like_pen(contour, params) or looks_like_note(contour, params)
+
+
+def _leave_out_coins(outlines: list[LeafOutline], params: LeafOutlineParams) -> list[LeafOutline]:
+    """Return `outlines` without the round ones that are smaller than the largest of the others."""
+    areas = [abs(polygon_area(outline.polygon.outer)) for outline in outlines]
+    is_coin = [looks_like_coin(outline.polygon.outer, params) for outline in outlines]
+    largest = max((area for area, coin in zip(areas, is_coin, strict=True) if not coin), default=0.0)
+    return [
+        outline
+        for outline, area, coin in zip(outlines, areas, is_coin, strict=True)
+        if not coin or area >= largest
+    ]
