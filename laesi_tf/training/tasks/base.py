@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import tensorflow as tf
     from matplotlib.figure import Figure
 
-    from laesi_tf.synthesis import Ranges
+    from laesi_tf import synthesis
     from laesi_tf.training.config import TrainConfig
 
 Array = NDArray[Any]
@@ -52,7 +52,7 @@ class Task(abc.ABC):
         self.config = config
         self.loss_name = self.losses[0] if config.loss == "auto" else config.loss
 
-    def choose_ranges(self, ranges: "Ranges") -> "Ranges":
+    def choose_ranges(self, ranges: "synthesis.Ranges") -> "synthesis.Ranges":
         """Return those of `ranges` that images of this task may have."""
         return ranges.without_empty_sheets() if self.needs_leaf else ranges
 
