@@ -158,18 +158,26 @@ def _rotation_matrix(angle: tf.Tensor, size: tuple[int, int], zoom: tf.Tensor) -
 
 def _warp_image(image: tf.Tensor, matrix: tf.Tensor) -> tf.Tensor:
     """Warp `image` float32 [H, W, C] by `matrix` [3, 3], bilinear, zero beyond its border."""
+    return warp_images(image[None], tf.linalg.inv(matrix)[None])[0]
+
+
+def warp_images(images: tf.Tensor, to_source: tf.Tensor) -> tf.Tensor:
+    """Return `images` float32 [B, H, W, C] warped, bilinear, zero beyond their borders.
+
+    `to_source` [B, 3, 3] are the matrices from points of the result to those of the images.
+    """
     # The op maps output indices to input indices, which are the positions of pixel centres minus one half.
     index_to_point = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]], np.float32)
-    inverse = tf.constant(np.linalg.inv(index_to_point)) @ tf.linalg.inv(matrix) @ tf.constant(index_to_point)
+    to_index = tf.constant(np.linalg.inv(index_to_point)) @ to_source @ tf.constant(index_to_point)
     warped = tf.raw_ops.ImageProjectiveTransformV3(
-        images=image[None],
-        transforms=tf.reshape(inverse, [1, 9])[:, :8],
-        output_shape=image.shape[:2],
+        images=images,
+        transforms=tf.reshape(to_index, [-1, 9])[:, :8],
+        output_shape=images.shape[1:3],
         interpolation="BILINEAR",
         fill_mode="CONSTANT",
         fill_value=0.0,
     )
-    return tf.ensure_shape(warped[0], image.shape)
+    return tf.ensure_shape(warped, images.shape)
 
 
 def _border_median(image: tf.Tensor) -> tf.Tensor:

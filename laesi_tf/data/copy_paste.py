@@ -8,6 +8,9 @@ import math
 
 import tensorflow as tf
 
+from laesi_tf.data.augmentation_ops import warp_images
+from laesi_tf.synthesis.ruling_crops import log_uniform
+
 SCALE = (0.35, 1.0)
 """Size of the pasted leaf relative to its own image, log-uniform; beyond, it would be as soft as no photo."""
 SHADOW_DARKNESS = (0.1, 0.5)
@@ -41,7 +44,7 @@ def _paste(images: tf.Tensor, donors: tf.Tensor, seed: tf.Tensor) -> tuple[tf.Te
     height, width = images.shape[1:3]
     size = tf.constant([width, height], tf.float32)
     numbers = tf.unstack(tf.random.stateless_uniform([7, tf.shape(images)[0]], seed))
-    moved = _transform(donors, _place_leaves(donors[..., 3], size, numbers[:4]))
+    moved = warp_images(donors, _place_leaves(donors[..., 3], size, numbers[:4]))
     coverage = moved[..., 3] / 255
     reach = _SHADOW_SHARE * tf.reduce_max(size)
     shift = reach * (2 * tf.stack(numbers[4:6], 1) - 1)
@@ -53,7 +56,7 @@ def _paste(images: tf.Tensor, donors: tf.Tensor, seed: tf.Tensor) -> tuple[tf.Te
 
 
 def _place_leaves(masks: tf.Tensor, size: tf.Tensor, numbers: list[tf.Tensor]) -> tf.Tensor:
-    """Return affine maps [B, 8], from pixels of the result to those of the donors.
+    """Return affine matrices [B, 3, 3] from points of the result to those of the donors.
 
     The middle of each leaf of `masks` [B, H, W] gets to a random place of the result; `size` is (width,
     height).
@@ -61,29 +64,20 @@ def _place_leaves(masks: tf.Tensor, size: tf.Tensor, numbers: list[tf.Tensor]) -
     total = tf.reduce_sum(masks, [1, 2]) + 1e-6
     middle_x = tf.reduce_sum(masks * (tf.range(size[0]) + 0.5), [1, 2]) / total
     middle_y = tf.reduce_sum(masks * (tf.range(size[1]) + 0.5)[:, None], [1, 2]) / total
-    low, high = (math.log(scale) for scale in SCALE)
-    shrink = tf.exp(-(low + (high - low) * numbers[0]))
+    shrink = 1 / log_uniform(SCALE, numbers[0])
     angle = 2 * math.pi * numbers[1]
     c, s = shrink * tf.cos(angle), shrink * tf.sin(angle)
     place_x, place_y = numbers[2] * size[0], numbers[3] * size[1]
-    zero = tf.zeros_like(c)
-    return tf.stack(
-        [c, -s, middle_x - c * place_x + s * place_y, s, c, middle_y - s * place_x - c * place_y, zero, zero],
-        1,
+    return _stack_affine(
+        [c, -s, middle_x - c * place_x + s * place_y], [s, c, middle_y - s * place_x - c * place_y]
     )
 
 
-def _transform(images: tf.Tensor, maps: tf.Tensor) -> tf.Tensor:
-    """Return `images` [B, H, W, C] seen through `maps` [B, 8]; 0 beyond their borders."""
-    transformed = tf.raw_ops.ImageProjectiveTransformV3(
-        images=images,
-        transforms=maps,
-        output_shape=images.shape[1:3],
-        fill_value=0.0,
-        interpolation="BILINEAR",
-        fill_mode="CONSTANT",
-    )
-    return tf.ensure_shape(transformed, images.shape)
+def _stack_affine(first_row: list[tf.Tensor], second_row: list[tf.Tensor]) -> tf.Tensor:
+    """Return the affine matrices [B, 3, 3] of two rows of three numbers [B] each."""
+    zero = tf.zeros_like(first_row[0])
+    rows = (first_row, second_row, [zero, zero, zero + 1])
+    return tf.stack([tf.stack(row, -1) for row in rows], -2)
 
 
 def _cast_shadow(coverage: tf.Tensor, shift: tf.Tensor) -> tf.Tensor:
@@ -91,5 +85,5 @@ def _cast_shadow(coverage: tf.Tensor, shift: tf.Tensor) -> tf.Tensor:
     width = max(3, math.ceil(_SHADOW_SHARE * max(coverage.shape[1:])))
     blurred = tf.nn.avg_pool2d(coverage[..., None], width, 1, "SAME")
     one, zero = tf.ones_like(shift[:, 0]), tf.zeros_like(shift[:, 0])
-    moves = tf.stack([one, zero, shift[:, 0], zero, one, shift[:, 1], zero, zero], 1)
-    return _transform(blurred, moves)[..., 0]
+    moves = _stack_affine([one, zero, shift[:, 0]], [zero, one, shift[:, 1]])
+    return warp_images(blurred, moves)[..., 0]
