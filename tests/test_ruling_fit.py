@@ -16,7 +16,7 @@ from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
 from laesi_tf.estimators.ruling.spectra import build_pyramid
 from laesi_tf.estimators.ruling.stage import compile_stage
-from laesi_tf.estimators.ruling.votes import VoteParams
+from laesi_tf.estimators.ruling.votes import VoteParams, collect_votes
 from laesi_tf.models import ruling_cells as cells
 
 PARAMS = RulingReaderParams()
@@ -30,7 +30,10 @@ def compiled_reader():
         lambda frame, size, *flat: read_sheet(
             build_pyramid(frame, cells.LEVELS),
             size,
-            [cells.CellAnswers(*flat[i : i + 4]) for i in range(0, len(flat), 4)],
+            collect_votes(
+                [cells.CellAnswers(*flat[i : i + 4]) for i in range(0, len(flat), 4)],
+                params=PARAMS.reading.votes,
+            ),
             params=PARAMS.reading,
         ),
         input_signature=signature(),

@@ -124,16 +124,15 @@ class RulingEstimator:
 
     def _measure_leaf(self, outline: LeafOutline, camera: SheetCamera) -> LeafMeasurement:
         """Measure a leaf through the camera, corrected for its height above the paper."""
-        leaf = outline.measure(camera)
-        assert leaf.area_cm2 is not None and leaf.uncertainty_cm2 is not None
         middle = outline.centroid
         distance_mm = camera.distance_mm(middle)
-        leaf = _shrink(leaf, max(0.0, 1 - self.params.lift_mm / distance_mm))
-        area = leaf.area_cm2 or 0.0
+        leaf = _shrink(outline.measure(camera), max(0.0, 1 - self.params.lift_mm / distance_mm))
+        area = leaf.area_cm2
+        assert area is not None and leaf.uncertainty_cm2 is not None
         # An area is proportional to the square of its scale, hence the factor of two.
         scale_sd = 2 * area * camera.scale_error(middle)
         lift_sd = 2 * area * self.params.lift_sd_mm / distance_mm
-        uncertainty = math.hypot(leaf.uncertainty_cm2 or 0.0, scale_sd, lift_sd)
+        uncertainty = math.hypot(leaf.uncertainty_cm2, scale_sd, lift_sd)
         return dataclasses.replace(leaf, uncertainty_cm2=uncertainty)
 
     def _measure_without_ruling(

@@ -40,6 +40,8 @@ class JudgeParams:
     """Photos do not show more of a sheet: A3 with a margin, held at arm's length."""
 
 
+_MILLIMETRE_PAPER = "1-5-10"
+"""Which lines are heavier on millimetre paper alone."""
 NO_RULING = "no ruling of two crossing families of lines is seen; show bare, sharp paper around the leaf"
 ONE_DIRECTION = "lines run in one direction only, {period:.1f} px apart; use paper with squares"
 NOT_A_SHEET = "the lines do not fit one sheet of paper; lay it flat and photograph it from above"
@@ -79,7 +81,7 @@ class SheetReading:
     @property
     def proves_millimetres(self) -> bool:
         """Whether fifth and tenth lines are heavier, as on millimetre paper alone."""
-        return self.paper == "1-5-10"
+        return self.paper == _MILLIMETRE_PAPER
 
 
 def name_paper(reading: Reading) -> str:
@@ -144,9 +146,9 @@ def judge_reading(
     if not is_before_camera(np.asarray(fit.parameters), np.asarray(fit.covariance), size):
         return SheetReading(refusal=NOT_A_SHEET)
     paper = name_paper(reading)
-    if paper == "1-5-10" and grid_mm is not None and abs(math.log(grid_mm)) > params.same_pitch:
+    if paper == _MILLIMETRE_PAPER and grid_mm is not None and abs(math.log(grid_mm)) > params.same_pitch:
         return SheetReading(refusal=CONTRADICTED.format(grid=grid_mm), paper=paper)
-    if paper != "1-5-10" and votes_for_finer(reading, params):
+    if paper != _MILLIMETRE_PAPER and votes_for_finer(reading, params):
         return SheetReading(refusal=FINER_VOTED.format(period=period), paper=paper)
     if paper in ("1", "1-2", "1-4"):
         excluded = bool(reading.finer.excluded[1])

@@ -70,13 +70,11 @@ class FinerLines(NamedTuple):
     factor: tf.Tensor
     """1, 2, 5 or 10: how many times finer lines are printed; 1/5 or 1/10 where only coarser ones are. Float
     scalar."""
-    excess: tf.Tensor
-    """[3], of orders 2, 5 and 10: ln of amplitude over expectation, mean of the families."""
     excluded: tf.Tensor
-    """bool [3]: finer lines of that order would have been seen."""
+    """bool [3], of orders 2, 5 and 10: finer lines of that order would have been seen."""
 
 
-NO_FINER_LINES = FinerLines(1.0, np.zeros(3, np.float32), np.zeros(3, bool))
+NO_FINER_LINES = FinerLines(1.0, np.zeros(3, bool))
 """What is known of lines whose heavier ones say that they are the finest."""
 
 
@@ -158,7 +156,7 @@ def find_finer(windows: Windows, predicted: tf.Tensor, *, params: LevelParams) -
     factors = tf.where(found, tf.constant(FINER, tf.float32), 1.0)
     error = tf.gather(sums.error, places, axis=1) / tf.exp(expected)
     excluded = tf.reduce_all(reachable & (error < params.excluded), 0) & (excess < params.excess)
-    return FinerLines(tf.reduce_max(factors), excess, excluded)
+    return FinerLines(tf.reduce_max(factors), excluded)
 
 
 @compile_stage

@@ -32,8 +32,8 @@ from laesi_tf.estimators.ruling.spectra import (
     measure_noise,
 )
 from laesi_tf.estimators.ruling.stage import compile_stage
-from laesi_tf.estimators.ruling.votes import VoteParams, Votes, choose_windows, collect_votes
-from laesi_tf.models.ruling_cells import CELL_PX, LEVELS, CellAnswers
+from laesi_tf.estimators.ruling.votes import VoteParams, Votes, choose_windows
+from laesi_tf.models.ruling_cells import CELL_PX, LEVELS
 
 WINDOWS = 32
 _GRID = np.stack(np.meshgrid(*[np.arange(4, SIDE, 8, dtype=np.float32) - SIDE / 2] * 2), -1)
@@ -127,14 +127,11 @@ def cover_ruling(agreement: tf.Tensor) -> tf.Tensor:
     return tf.clip_by_value(2.5 * mean - 0.9, 0.0, 1.0)
 
 
-def read_sheet(
-    pyramid: list[tf.Tensor], size: tf.Tensor, answers: list[CellAnswers], *, params: ReadingParams
-) -> Reading:
+def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, *, params: ReadingParams) -> Reading:
     """Read the ruling of a photo in the corner of a frame, RGB of 0..255, of which `pyramid` has all LEVELS.
 
-    `size` [2] is the photo's (height, width), float; `answers` are those of all LEVELS of its pyramid.
+    `size` [2] is the photo's (height, width), float; `votes` are those of the cells of its pyramid.
     """
-    votes = collect_votes(answers, params=params.votes)
     level = choose_level(votes.period_px, size, params)
     windows = prepare_windows(pyramid, size, votes, level, params=params.votes)
     power = compute_power(windows.ink)
@@ -156,7 +153,8 @@ def read_sheet(
         lambda: (fit, heavier),
     )
     coarser = find_coarser(windows, predict_in(windows, size, fit.parameters), params=params.levels)
-    is_harmonic = tf.reduce_any(tf.abs(heavier.factors - 1) > 0.1) | (coarser > 1.5)
+    is_coarser = coarser > 1.5
+    is_harmonic = tf.reduce_any(tf.abs(heavier.factors - 1) > 0.1) | is_coarser
 
     def look_closer() -> tuple[Windows, FinerLines]:
         fine_level = choose_level(votes.period_px / 5, size, params)
@@ -178,14 +176,11 @@ def read_sheet(
 
     def refit() -> tuple[SheetFit, HeavierLines]:
         used = Windows(*(tf.where(is_harmonic, old, new) for old, new in zip(windows, fine, strict=True)))
-        points = window_points(used, size)[0]
-        lengths = tf.norm(predict_waves(scaled, points)[..., :2], axis=-1)
-        again = fit_phases(
-            used, measure_noise(compute_power(used.ink), lengths), points, scaled, params=params.fit
-        )
-        return again, find_heavier(used, predict_waves(again.parameters, points), params=params.levels)
+        lengths = tf.norm(predict_in(used, size, scaled)[..., :2], axis=-1)
+        noise = measure_noise(compute_power(used.ink), lengths)
+        again = fit_phases(used, noise, window_points(used, size)[0], scaled, params=params.fit)
+        return again, find_heavier(used, predict_in(used, size, again.parameters), params=params.levels)
 
     fit, heavier = tf.cond(is_harmonic | (factor > 1.5), refit, lambda: (fit, heavier))
-    is_coarser = coarser > 1.5
     finer = finer._replace(factor=factor / coarser, excluded=finer.excluded | is_coarser)
     return Reading(votes, fit, finer, heavier)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import tensorflow as tf
 
 from laesi_tf.estimators.parameters import parameter
-from laesi_tf.estimators.ruling.votes import VoteParams, collect_votes
+from laesi_tf.estimators.ruling.votes import Votes
 from laesi_tf.models.ruling_cells import DIRECTION_BINS, FRAME_CELLS, PERIOD_BINS, CellAnswers
 
 
@@ -25,22 +25,22 @@ class ResolutionParams:
 
 
 def needs_full_resolution(
-    coarse: list[CellAnswers], params: ResolutionParams, votes: VoteParams
+    coarse: list[CellAnswers], votes: Votes, params: ResolutionParams, *, sure: float
 ) -> tf.Tensor:
     """Return whether the coarse levels show too few lines, lines too fine for them, or lines that may hide
     finer ones.
 
-    `coarse` are the answers of all levels but the first; `votes` are the parameters of their votes.
+    `coarse` are the answers of all levels but the first, `votes` their votes; cells whose probability is
+    above `sure` are readable.
     """
-    readable = [tf.cast(cells.readable > votes.sure, tf.float32) for cells in coarse]
+    readable = [tf.cast(cells.readable > sure, tf.float32) for cells in coarse]
     counts = tf.stack([tf.reduce_sum(flags) for flags in readable])
     hidden = tf.stack(
         [tf.reduce_sum(flags * cells.finest_uncertain) for flags, cells in zip(readable, coarse, strict=True)]
     )
     best = tf.argmax(counts)
-    period = collect_votes([no_answers(), *coarse], params=votes).period_px
     is_unsure = (counts[best] < params.enough_cells) | (hidden[best] > params.many_hidden * counts[best])
-    return is_unsure | (period < params.fine_period_px)
+    return is_unsure | (votes.period_px < params.fine_period_px)
 
 
 def no_answers() -> CellAnswers:

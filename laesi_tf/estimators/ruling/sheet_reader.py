@@ -1,7 +1,7 @@
 """Read the ruling of a photo with the ruling network: from pixels to a camera, or to a refusal.
 
-All that looks at pixels is TensorFlow. Only a photo whose lines are too fine for the half
-resolution is looked at in full: three quarters of the network's work is there.
+All that looks at pixels is TensorFlow. Only a photo whose lines are too fine for the half resolution is
+looked at in full: three quarters of the network's work is there.
 """
 
 import copy
@@ -21,6 +21,7 @@ from laesi_tf.estimators.ruling.reading import Reading, read_sheet
 from laesi_tf.estimators.ruling.resolution import needs_full_resolution, no_answers
 from laesi_tf.estimators.ruling.spectra import build_pyramid
 from laesi_tf.estimators.ruling.stage import compile_stage
+from laesi_tf.estimators.ruling.votes import collect_votes
 from laesi_tf.models.ruling_cells import (
     CELL_PX,
     FRAME_CELLS,
@@ -31,6 +32,7 @@ from laesi_tf.models.ruling_cells import (
 from laesi_tf.models.ruling_network import build_ruling_network, to_answers
 
 _USED_PX = (FRAME_PX // 2, FRAME_PX * 3 // 4, FRAME_PX)
+"""Sides of the part of the frame that the network sees."""
 
 
 class SheetReader:
@@ -90,9 +92,14 @@ class SheetReader:
             return self._ask(pyramid[level], size / 2.0**level, FRAME_CELLS >> level)
 
         coarse = [ask(level) for level in range(1, LEVELS)]
-        is_unsure = needs_full_resolution(coarse, self.params.resolution, self.params.reading.votes)
-        fine = tf.cond(is_unsure, lambda: ask(0), no_answers)
-        return read_sheet(pyramid, size, [fine, *coarse], params=self.params.reading)
+        params = self.params.reading
+        votes = collect_votes([no_answers(), *coarse], params=params.votes)
+        votes = tf.cond(
+            needs_full_resolution(coarse, votes, self.params.resolution, sure=params.votes.sure),
+            lambda: collect_votes([ask(0), *coarse], params=params.votes),
+            lambda: votes,
+        )
+        return read_sheet(pyramid, size, votes, params=params)
 
     def _ask_network(self, image: tf.Tensor, size: tf.Tensor, cells: int) -> CellAnswers:
         """Return the answers for `image` [h, w, 3] of which the upper left `size` [2] is the photo.
@@ -108,7 +115,7 @@ class SheetReader:
 
 
 def _round_up(side: int) -> int:
-    """Return the side of the part of the frame that holds `side` pixels; few sizes, each compiled once."""
+    """Return the smallest of `_USED_PX` that holds `side` pixels: few sizes, as each is compiled."""
     return next(size for size in _USED_PX if size >= side)
 
 
