@@ -1,15 +1,14 @@
-"""Points, homographies, polygons and contours in one convention."""
+"""Points, polygons and contours in one convention, and the homographies that tests compare with."""
 
 import cv2
 import numpy as np
 import pytest
+from homographies import apply_homography, compute_px_per_mm
 from hypothesis import given
 from hypothesis import strategies as st
 
 from laesi_tf.common.geometry import (
     ImageSize,
-    apply_homography,
-    compute_px_per_mm,
     from_cv2_contour,
     polygon_area,
     polygon_centroid,

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from homographies import apply_homography
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from laesi_tf.common.geometry import Polygon, apply_homography, trace_polygons
+from laesi_tf.common.geometry import Polygon, trace_polygons
 from laesi_tf.estimators.leaf_shape import LeafShape, measure_polygon
 
 SIDE = 500

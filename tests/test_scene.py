@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import tensorflow as tf
+from homographies import compute_px_per_mm
 from scenes import (
     RENDERING_2,
     bounds,
@@ -22,7 +23,7 @@ from scenes import (
     with_parts,
 )
 
-from laesi_tf.common.geometry import compute_px_per_mm, polygon_centroid
+from laesi_tf.common.geometry import polygon_centroid
 from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.synthesis import Ranges, Scene, render_scene, sample_scene, synthesise
 from laesi_tf.synthesis.paper.params import PaperParams

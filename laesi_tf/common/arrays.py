@@ -11,5 +11,3 @@ FloatMap = NDArray[np.float32]
 """[H, W], one number per pixel."""
 Points = NDArray[np.float64]
 """[N, 2] or [2], (x, y) as in `common.geometry`."""
-Homography = NDArray[np.float64]
-"""[3, 3], applied to column vectors (x, y, 1)."""

@@ -1,4 +1,4 @@
-"""Points, homographies, polygons and contours in NumPy, in one convention.
+"""Points, polygons and contours in NumPy, in one convention.
 
 Points are (x, y) floats in the last axis of an array. The pixel in row i and column j covers [j, j + 1] x
 [i, i + 1], so that its centre lies at (j + 0.5, i + 0.5) and an image covers [0, width] x [0, height]. OpenCV
@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from laesi_tf.common.arrays import FloatMap, Homography, Mask, Points
+from laesi_tf.common.arrays import FloatMap, Mask, Points
 
 _SMOOTHING_PX = 1.0
 """Standard deviation of the blur, pixels, whose level of one half an outline follows: it removes steps."""
@@ -68,29 +68,6 @@ def to_cv2_points(points: Points, *, shift: int = 0) -> NDArray[np.int32]:
 def pixel_centres(mask: Mask) -> Points:
     """Return the centres [N, 2] of the nonzero pixels of `mask` [H, W]."""
     return np.argwhere(mask)[:, ::-1].astype(np.float64) + 0.5
-
-
-def apply_homography(homography: Homography, points: Points) -> Points:
-    """Map `points` [N, 2] through a homography [3, 3]: float64 [N, 2]."""
-    homogeneous = np.column_stack([points, np.ones(len(points))]) @ homography.T
-    return homogeneous[:, :2] / homogeneous[:, 2:]
-
-
-def compute_mm2_per_px(to_mm: Homography, points: Points) -> Points:
-    """Return the sheet area in mm2 that one pixel covers at `points` [N, 2]: float64 [N].
-
-    It is the Jacobian's determinant of the homography `to_mm` [3, 3] from pixels to millimetres.
-    """
-    w = points @ to_mm[2, :2] + to_mm[2, 2]
-    return abs(np.linalg.det(to_mm)) / np.abs(w) ** 3
-
-
-def compute_px_per_mm(to_mm: Homography, point: Points) -> float:
-    """Return the scale at `point` [2] of a homography [3, 3] from pixels to millimetres.
-
-    Where tilt makes the scale differ between directions it is their geometric mean.
-    """
-    return float(1 / np.sqrt(compute_mm2_per_px(to_mm, point[np.newaxis])[0]))
 
 
 def polygon_area(polygon: Points) -> float:
