@@ -19,13 +19,15 @@ from laesi_tf.reporting.overlay import (
 _MAX_NOTES = 3
 
 
-def draw_measurement(image: RgbImage, measurement: Measurement, name: str) -> RgbImage:
-    """Return `image`, uint8 [H, W, 3], at a handy size with grid, outlines and results: uint8 [h, w, 3].
+def draw_measurement(
+    image: RgbImage, measurement: Measurement, name: str, *, side: int = OVERLAY_SIDE_PX
+) -> RgbImage:
+    """Return `image`, uint8 [H, W, 3], with grid, outlines and results: uint8 [h, w, 3].
 
-    `name` stands below the results.
+    Its longer side has at most `side` pixels. `name` stands below the results.
     """
     # A small photo is enlarged until the text below can be read.
-    side = min(OVERLAY_SIDE_PX, max(OVERLAY_SIDE_PX // 2, *image.shape[:2]))
+    side = min(side, max(OVERLAY_SIDE_PX // 2, *image.shape[:2]))
     overlay = resize(image, side)
     scale = ImageSize.of(overlay).xy / ImageSize.of(image).xy
     if measurement.camera is not None:
