@@ -76,7 +76,7 @@ def _measure(
     finished: int,
 ) -> None:
     """Load the estimator and measure `tasks`."""
-    load_tensorflow()
+    load_tensorflow(is_reproducible=True)
     from laesi_tf.estimators import factory
     from laesi_tf.measuring.photo_worker import PhotoWorker
 

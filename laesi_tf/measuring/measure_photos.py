@@ -1,5 +1,6 @@
 """Measure photos in threads and keep each result as soon as it is there."""
 
+import itertools
 import os
 from collections.abc import Callable, Sequence
 
@@ -37,7 +38,10 @@ def measure_photos(
     """
     total = finished + len(tasks)
     try:
-        measured = prefetch(measure, tasks, depth=2 * workers, workers=workers)
+        # Threads would trace the networks' graphs at the same time, and each for itself.
+        first = prefetch(measure, tasks[:1], workers=1)
+        others = prefetch(measure, tasks[1:], depth=2 * workers, workers=workers)
+        measured = itertools.chain(first, others)
         for _, entry in progress_bar(measured, total=total, initial=finished, desc="measuring", unit="photo"):
             if isinstance(entry, InputError):
                 raise entry

@@ -54,7 +54,10 @@ COLUMNS = tuple(field.name for field in dataclasses.fields(LeafRecord))
 
 
 def make_records(photo: str, measurement: Measurement, overlay: str | None) -> list[LeafRecord]:
-    """Return the records of one photo, numbers with four significant digits, uncertainties with two."""
+    """Return the records of one photo, numbers with four significant digits, uncertainties with two.
+
+    The tilt has one decimal.
+    """
     if measurement.refusal is not None:
         return [
             LeafRecord(
@@ -69,7 +72,7 @@ def make_records(photo: str, measurement: Measurement, overlay: str | None) -> l
         LeafRecord(
             photo=photo,
             leaf=number,
-            tilt_deg=round_for_table(measurement.tilt_deg, _DIGITS),
+            tilt_deg=None if measurement.tilt_deg is None else round(measurement.tilt_deg, 1),
             method=measurement.method,
             note="; ".join(filter(None, [leaf.note, measurement.note])) or None,
             overlay=overlay,

@@ -34,10 +34,20 @@ class PlainBackgroundParams:
     """Pixels differ at least so much from the background."""
     noise_factor: float = parameter(4.0, unit="standard deviations", set_on=DRAWN_SCANS)
     """The same in terms of the noise."""
-    max_noise: float = parameter(14.0, unit="levels of 255", set_on=DRAWN_SCANS)
-    """A background of larger standard deviation has a pattern, such as a ruling."""
+    max_noise: float = parameter(10.0, unit="levels of 255", set_on=DRAWN_SCANS)
+    """A background of larger standard deviation has a pattern."""
+    max_paper_noise: float = parameter(
+        4.5, unit="levels of 255", set_on="rendered (split develop) and cases, 2026-11-29"
+    )
+    """The same for one as light as paper, which may be ruled."""
+    min_line: float = parameter(
+        10.0, unit="levels of 255", set_on="rendered (split develop) and semireal's train, 2026-11-29"
+    )
+    """Lines of a ruling differ at least so much from their paper."""
+    paper_level: float = parameter(140.0, unit="levels of 255", set_on="rendered (split develop), 2026-11-29")
+    """Paper is at least so light."""
     max_marked: float = parameter(
-        0.02, unit="share of the background", set_on="scans of ruled paper have over 0.1, 2026-11-29"
+        0.01, unit="share of the background", set_on="rendered (split develop) and cases, 2026-11-29"
     )
     """At most so much of a plain background differs from its colour like a leaf does."""
 
@@ -53,19 +63,20 @@ class PlainBackground:
     threshold: float
     """Largest difference in a channel that is background."""
 
-    def difference(self, image: RgbImage) -> NDArray[np.uint8]:
+    def compare(self, image: RgbImage) -> tuple[NDArray[np.uint8], Mask]:
         """Return how much each pixel of the whole `image`, uint8 [H, W, 3], differs from it: uint8 [H, W].
 
-        It is the largest difference of a channel; that of a shadow is zero.
+        It is the largest difference of a channel. The second result, bool [H, W], says where only the light
+        differs, as in a shadow.
         """
-        result = np.empty(image.shape[:2], np.uint8)
+        result, is_shadow = np.empty(image.shape[:2], np.uint8), np.empty(image.shape[:2], bool)
         for top in range(0, len(image), _ROWS):
             rows = image[top : top + _ROWS].astype(np.float32)
             background = self._surface_rows(top, len(rows), ImageSize.of(image))
             difference = np.abs(rows - background).max(axis=2)
-            difference[self._is_shadow(rows, background)] = 0
             result[top : top + _ROWS] = np.minimum(np.round(difference), 255)
-        return result
+            is_shadow[top : top + _ROWS] = self._is_shadow(rows, background)
+        return result, is_shadow
 
     def _is_shadow(self, rows: NDArray[np.float32], background: NDArray[np.float32]) -> Mask:
         """Return where pixels [h, w, 3] have the colour of the background, but less light."""
@@ -97,10 +108,13 @@ def fit_background(image: RgbImage, params: PlainBackgroundParams | None = None)
     if inliers[frame].mean() < params.min_frame_share:
         return None
     noise, differences = _measure_noise(image, surface, inliers)
-    if noise > params.max_noise:
+    is_paper = float(surface[inliers].mean()) > params.paper_level
+    if noise > (params.max_paper_noise if is_paper else params.max_noise):
         return None
     threshold = max(params.min_difference, params.noise_factor * noise)
-    if (differences > threshold).mean() > params.max_marked:
+    # Faint lines are below the threshold of leaves, and far above the noise.
+    line = max(params.min_line, params.noise_factor * noise) if is_paper else threshold
+    if (differences > line).mean() > params.max_marked:
         return None
     return PlainBackground(surface, noise, threshold)
 

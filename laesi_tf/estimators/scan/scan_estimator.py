@@ -5,10 +5,11 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
-from laesi_tf.common.geometry import ImageSize, Polygon, polygon_perimeter, trace_polygons
+from laesi_tf.common.geometry import ImageSize, Polygon, polygon_area, polygon_perimeter, trace_polygons
 from laesi_tf.estimators.base import (
     UNKNOWN,
     LeafMeasurement,
@@ -33,6 +34,7 @@ from laesi_tf.estimators.scan.scan_objects import (
     has_one_colour,
     is_geometric,
     is_leaf_like,
+    is_sheet_or_ruling,
 )
 from laesi_tf.estimators.scan.touching_leaves import TouchingLeavesParams, looks_like_several_leaves
 from laesi_tf.estimators.sheet_map import UniformScale
@@ -53,6 +55,11 @@ class ScanEstimatorParams:
     touching: TouchingLeavesParams = field(default_factory=TouchingLeavesParams)
     working_px: int = parameter(45_000_000, unit="pixels", set_on="A4 at 600 dpi has 35 million")
     """A larger scan is shrunk to so many: it bounds the memory to 1 GB."""
+    max_cut_off: float = parameter(0.5, unit="share of the objects' area", set_on="rendered, 2026-11-29")
+    """With more, the objects are parts of a desk."""
+    ragged_solidity: float = parameter(0.6, unit="share of the convex hull", set_on="semireal, 2026-11-29")
+    """Objects of a smaller median are parts of a pattern, if they are many."""
+    min_ragged: int = parameter(12, unit="objects", set_on="semireal, 2026-11-29")
     edge_sd_px: float = parameter(0.25, unit="pixels", set_on=DRAWN_SCANS)
     """Standard deviation of the position of an outline."""
 
@@ -80,7 +87,8 @@ class ScanEstimator:
             return self._load_once().measure(image, info)
         if info.px_per_mm is None:
             return Measurement(method=METHOD, refusal=NO_SCALE)
-        return self._measure_objects(image, background, info.px_per_mm)
+        measurement = self._measure_objects(image, background, info.px_per_mm)
+        return self._load_once().measure(image, info) if measurement is None else measurement
 
     def _load_once(self) -> MaskEstimator:
         with self._lock:
@@ -88,7 +96,10 @@ class ScanEstimator:
                 self._loaded = self._load()
             return self._loaded
 
-    def _measure_objects(self, image: RgbImage, background: PlainBackground, px_per_mm: float) -> Measurement:
+    def _measure_objects(
+        self, image: RgbImage, background: PlainBackground, px_per_mm: float
+    ) -> Measurement | None:
+        """Measure all objects that may be leaves; None if they show that the background is not plain."""
         photo = Crop(image, np.zeros(2), np.ones(2))
         size = ImageSize.of(image)
         factor = min(1.0, (self.params.working_px / (size.height * size.width)) ** 0.5)
@@ -100,10 +111,14 @@ class ScanEstimator:
             outline = self._outline(found)
             if outline is None:
                 continue
+            if is_sheet_or_ruling(found, outline.polygon.outer, working, self.params.objects):
+                return None
             if not is_leaf_like(found, outline.polygon.outer, self.params.objects):
                 others += 1
                 continue
             outlines.append((outline, self._note(found, outline)))
+        if self._looks_like_pattern([outline for outline, _ in outlines]):
+            return None
         note = NOT_LEAVES.format(count=others) if others else None
         mask = paint_masks((outline.placed_mask for outline, _ in outlines), photo)
         if not outlines:
@@ -114,6 +129,22 @@ class ScanEstimator:
         scale = UniformScale(px_per_mm)
         leaves = [_measure_leaf(*outlines[index], scale) for index in sort_in_reading_order(boxes)]
         return Measurement(method=METHOD, leaves=tuple(leaves), mask=mask, note=note)
+
+    def _looks_like_pattern(self, outlines: list[LeafOutline]) -> bool:
+        """Return whether the objects are parts of a pattern, such as that of a desk, rather than leaves.
+
+        Most of their area is cut off by the border, or they are many and ragged.
+        """
+        areas = np.array([abs(polygon_area(outline.polygon.outer)) for outline in outlines])
+        hulls = [cv2.contourArea(cv2.convexHull(o.polygon.outer.astype(np.float32))) for o in outlines]
+        is_cut_off = np.array([outline.is_cut_off for outline in outlines], bool)
+        params = self.params
+        if len(outlines) > 1 and areas[is_cut_off].sum() > params.max_cut_off * areas.sum():
+            return True
+        is_ragged = (
+            bool(np.median(areas / np.maximum(hulls, 1)) < params.ragged_solidity) if outlines else False
+        )
+        return is_ragged and len(outlines) > params.min_ragged
 
     def _outline(self, found: ScanObject) -> LeafOutline | None:
         polygons = trace_polygons(found.mask)

@@ -31,10 +31,18 @@ class ScanObjectParams:
     """The same on the sheet."""
     min_chroma: float = parameter(8.0, unit="CIELAB", set_on=DRAWN_SCANS)
     """Colours of less chroma are black, grey or white."""
-    max_red_chroma: float = parameter(75.0, unit="CIELAB", set_on="print and autumn leaves, 2026-11-29")
+    max_red_chroma: float = parameter(60.0, unit="CIELAB", set_on="print and autumn leaves, 2026-11-29")
     """Redder than leaves of autumn."""
     leaf_hues: tuple[float, float] = parameter((-30.0, 185.0), unit="degrees", set_on="purple to blue-green")
     """Hues of leaves in CIELAB: 0 is magenta, 90 yellow, 180 green, -90 blue."""
+    ruling_span: float = parameter(0.5, unit="share of the sides", set_on="rendered and cases, 2026-11-29")
+    """A ruling spans so much of the image."""
+    ruling_fill: float = parameter(0.25, unit="share of its box", set_on="rendered and cases, 2026-11-29")
+    """It fills at most so much of its box."""
+    sheet_share: float = parameter(0.15, unit="share of the image", set_on="rendered and cases, 2026-11-29")
+    """A sheet of paper has at least so much of the image."""
+    most_of_image: float = parameter(0.4, unit="share of the image", set_on="rendered, 2026-11-29")
+    """No leaf has so much of a scan."""
     uniform_sd: float = parameter(9.0, unit="levels of 255", set_on=DRAWN_SCANS)
     """Print, plastic and card vary at most so much."""
 
@@ -58,8 +66,8 @@ def find_objects(
 
     `px_per_mm` is the working scale.
     """
-    difference = background.difference(working.image)
-    mask = _segment(difference, background.threshold, params)
+    difference, is_shadow = background.compare(working.image)
+    mask = _segment(difference, is_shadow, background.threshold, params)
     count, labels, statistics, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     least = max(params.min_area_px, params.min_area_mm2 * px_per_mm**2)
     height, width = mask.shape
@@ -91,6 +99,25 @@ def is_leaf_like(found: ScanObject, outline: NDArray[np.float64], params: ScanOb
     return not is_plain and not found.touches_border
 
 
+def is_sheet_or_ruling(
+    found: ScanObject, outline: NDArray[np.float64], whole: Crop, params: ScanObjectParams
+) -> bool:
+    """Return whether an object shows that the background is none: a sheet on a desk, or a ruling.
+
+    A sheet is large, and a rectangle or of no leaf's colour, or covers most of the image; a ruling spans the
+    image and fills little of it.
+    """
+    height, width = found.mask.shape
+    area = np.count_nonzero(found.mask)
+    spans = min(width / whole.image.shape[1], height / whole.image.shape[0])
+    if spans > params.ruling_span and area < params.ruling_fill * width * height:
+        return True
+    share = area / (whole.image.shape[0] * whole.image.shape[1])
+    if share < params.sheet_share or share > params.most_of_image:
+        return share > params.most_of_image
+    return is_geometric(outline, params) or not is_leaf_like(found, outline, params)
+
+
 def is_geometric(outline: NDArray[np.float64], params: ScanObjectParams) -> bool:
     """Return whether an outline [N, 2] is a rectangle or an ellipse."""
     return looks_like_note(outline, params.outline) or looks_like_coin(outline, params.outline)
@@ -101,13 +128,20 @@ def has_one_colour(found: ScanObject, params: ScanObjectParams) -> bool:
     return _measure_colour(found)[1] < params.uniform_sd
 
 
-def _segment(difference: NDArray[np.uint8], threshold: float, params: ScanObjectParams) -> NDArray[np.uint8]:
-    """Return the pixels of objects, uint8 [H, W] 0/1: edges lie where half the difference is reached."""
-    marked = (difference > threshold).astype(np.uint8)
-    side = 2 * params.reach_px + 1
-    nearby = cv2.dilate(cv2.medianBlur(difference, 3), np.ones((side, side), np.uint8))
+def _segment(
+    difference: NDArray[np.uint8], is_shadow: Mask, threshold: float, params: ScanObjectParams
+) -> NDArray[np.uint8]:
+    """Return the pixels of objects, uint8 [H, W] 0/1.
+
+    An edge lies halfway between the differences of the object and of what is beside it: a shadow, perhaps.
+    """
+    marked = ((difference > threshold) & ~is_shadow).astype(np.uint8)
+    window = np.ones((2 * params.reach_px + 1,) * 2, np.uint8)
+    smooth = cv2.medianBlur(difference, 3)
+    # Halves are added, as the sum of two levels can exceed 255.
+    halfway = cv2.dilate(smooth, window) // 2 + cv2.erode(smooth, window) // 2
     is_inside = cv2.distanceTransform(marked, cv2.DIST_L2, 3) > params.band_px
-    return marked & (is_inside | (difference >= (nearby + 1) // 2)).astype(np.uint8)
+    return marked & (is_inside | (difference > halfway)).astype(np.uint8)
 
 
 def _fill_marked_holes(mask: Mask, difference: NDArray[np.uint8], threshold: float) -> Mask:
