@@ -45,8 +45,13 @@ class ResultsFolder:
             self._tables.append(RecordTable(json_lines, JSON_LINES))
         _require_replaceable(self.table)
         self._lock = FolderLock(folder)
+        # Reading cuts off an incomplete line, which must not be one that another command is writing.
         self._lock.acquire()
-        self._journal = self._open_journal(again)
+        try:
+            self._journal = self._open_journal(again)
+        except InputError:
+            self._lock.release()
+            raise
         self._again = again
         self._is_open = False
         self._waiting: list[JournalEntry] = []
