@@ -69,7 +69,7 @@ def write_provenance(
 ) -> None:
     """Write the provenance of the results at `path`. Raises InputError where it cannot be written.
 
-    `photos` is the number of photos in the finished `table`.
+    `photos` is the number of photos in `table`.
     """
     state = read_file_state(table)
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
@@ -79,7 +79,7 @@ def write_provenance(
         "model_paths": {task: str(run) for task, run in sorted(models.items())},
         "python": platform.python_version(),
         "packages": {name: _read_version(name) for name in _PACKAGES},
-        "finished": now,
+        "written": now,
         "photos": photos,
         "table": None if state is None else {"size": state.size, "mtime_ns": state.mtime_ns},
     }
