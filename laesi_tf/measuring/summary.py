@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.estimators.base import sum_uncertainties
@@ -15,6 +16,14 @@ _MAX_REASONS = 10
 _MAX_EXAMPLES = 3
 
 
+class SummaryLine(NamedTuple):
+    """A line of the list of photos."""
+
+    name: str
+    result: str
+    is_leaf: bool = False
+
+
 @dataclass
 class Summary:
     """Counts, and the reasons why photos have no area."""
@@ -24,8 +33,8 @@ class Summary:
     refused: int = 0
     unreadable: int = 0
     first_error: str = ""
-    lines: list[str] = field(default_factory=list)
-    """A line for each of the first photos, and for each leaf where a photo has several."""
+    lines: list[SummaryLine] = field(default_factory=list)
+    """One for each of the first photos, and for each leaf where a photo has several."""
     reasons: dict[str, tuple[str, int, list[str]]] = field(default_factory=dict)
     """An example, the number of photos and the first of them, by the reason without numbers and paths."""
 
@@ -50,7 +59,14 @@ def summarise(entries: Iterable[JournalEntry]) -> Summary:
 
 def format_summary(summary: Summary, *, table: object) -> list[str]:
     """Return the lines to print."""
-    lines = list(summary.lines) if summary.photos <= _MAX_PHOTOS else list(_list_reasons(summary))
+    if summary.photos <= _MAX_PHOTOS:
+        width = max((len(line.name) for line in summary.lines), default=0)
+        lines = [
+            f"{line.name.rjust(width) if line.is_leaf else line.name.ljust(width)}  {line.result}"
+            for line in summary.lines
+        ]
+    else:
+        lines = list(_list_reasons(summary))
     lines.append(
         f"leaves measured: {summary.leaves}, photos refused: {summary.refused}, skipped: "
         f"{summary.unreadable}; see {sanitise_text(table)}"
@@ -75,12 +91,11 @@ def _list_reasons(summary: Summary) -> Iterator[str]:
         yield f"{rest} without an area for other reasons: see the column error"
 
 
-def _list_leaves(records: tuple[LeafRecord, ...]) -> Iterator[str]:
-    photo = sanitise_text(records[0].photo)
-    yield f"{photo}  {_format_records(records)}"
+def _list_leaves(records: tuple[LeafRecord, ...]) -> Iterator[SummaryLine]:
+    yield SummaryLine(sanitise_text(records[0].photo), _format_records(records))
     if len(records) > 1:
         for record in records:
-            yield f"{f'leaf {record.leaf}':>{len(photo)}}  {_format_records((record,))}"
+            yield SummaryLine(f"leaf {record.leaf}", _format_records((record,)), is_leaf=True)
 
 
 def _format_records(records: tuple[LeafRecord, ...]) -> str:
