@@ -31,6 +31,27 @@ class PredictRun:
     """What it wrote to stderr."""
 
 
+class ResultCounter:
+    """Counts the results in the journal of a folder, and reads only what is new."""
+
+    def __init__(self, out: Path) -> None:
+        """Take a folder, which need not exist yet."""
+        self._path = out / JOURNAL_FILE
+        self._offset = self._lines = 0
+
+    def count(self) -> int:
+        """Return the number of results by now."""
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._offset)
+                new = file.read()
+        except OSError:
+            return 0
+        self._offset += len(new)
+        self._lines += new.count(b"\n")
+        return max(0, self._lines - 1)
+
+
 def run_predict(
     photos: Path, out: Path, arguments: Sequence[str] = (), *, kill_at: int | None = None
 ) -> PredictRun:
@@ -43,10 +64,11 @@ def run_predict(
     with tempfile.TemporaryFile() as errors:
         started = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=errors, env=environment)
-        results, first, longest, latest = count_results(out), 0.0, 0.0, started
+        counter = ResultCounter(out)
+        results, first, longest, latest = counter.count(), 0.0, 0.0, started
         while True:
             ended, status, usage = os.wait4(process.pid, os.WNOHANG)
-            now, count = time.perf_counter(), count_results(out)
+            now, count = time.perf_counter(), counter.count()
             if count != results:
                 longest = max(longest, now - latest) if first else 0.0
                 first = first or now - started
@@ -61,14 +83,6 @@ def run_predict(
         messages = errors.read().decode("utf-8", errors="replace")
     peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
     return PredictRun(process.returncode, now - started, first, longest, peak, messages)
-
-
-def count_results(out: Path) -> int:
-    """Return the number of results in the journal of a folder; 0 where there is none."""
-    try:
-        return max(0, (out / JOURNAL_FILE).read_bytes().count(b"\n") - 1)
-    except OSError:
-        return 0
 
 
 def _source_folder() -> Path:

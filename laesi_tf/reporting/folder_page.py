@@ -24,7 +24,8 @@ td, th { padding: .2rem 1.5rem .2rem 0; vertical-align: top; text-align: left }
 td { overflow-wrap: anywhere }
 .photos { display: grid; grid-template-columns: repeat(auto-fill, minmax(11rem, 1fr)); gap: 1.25rem 1rem }
 figure { margin: 0; content-visibility: auto; contain-intrinsic-size: 11rem 15rem }
-figure img { width: 100%; height: 9rem; object-fit: contain; background: #f2f3f5; display: block }
+figure img, .empty { width: 100%; height: 9rem; object-fit: contain; background: #f2f3f5; display: block }
+.empty { color: #566; font-size: .85rem; text-align: center; line-height: 9rem }
 figcaption { font-size: .85rem; overflow-wrap: anywhere } figcaption b { font-weight: 600 }
 .warn { color: #8a4b00 } .bad { color: #a11b1b } .dim, p.note { color: #566 }
 svg { max-width: 100%; height: auto }
@@ -111,7 +112,7 @@ def _format_card(photo: PagePhoto) -> str:
     """Return a photo's thumbnail with its area, its notes or the reason why there is no area."""
     first = photo.records[0]
     source = f"data:image/jpeg;base64,{photo.thumbnail}" if photo.thumbnail else ""
-    image = f'<img alt="" src="{source}">' if source else '<img alt="no picture">'
+    image = f'<img alt="" src="{source}">' if source else '<div class="empty">not measured</div>'
     if first.error is not None:
         result = '<span class="bad">no area</span>'
     else:
