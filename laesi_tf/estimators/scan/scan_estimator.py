@@ -55,7 +55,7 @@ class ScanEstimatorParams:
     touching: TouchingLeavesParams = field(default_factory=TouchingLeavesParams)
     working_px: int = parameter(45_000_000, unit="pixels", set_on="A4 at 600 dpi has 35 million")
     """A larger scan is shrunk to so many: it bounds the memory to 1 GB."""
-    max_cut_off: float = parameter(0.5, unit="share of the objects' area", set_on="rendered, 2026-11-29")
+    max_cut_off: float = parameter(0.7, unit="share of the objects' area", set_on="rendered, 2026-11-29")
     """With more, the objects are parts of a desk."""
     ragged_solidity: float = parameter(0.6, unit="share of the convex hull", set_on="semireal, 2026-11-29")
     """Objects of a smaller median are parts of a pattern, if they are many."""
