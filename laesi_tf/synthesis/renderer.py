@@ -34,7 +34,16 @@ from laesi_tf.synthesis.scene_layout import SceneLayout, shrink_leaf_if
 
 _SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk", "desk_kinds", "cut_sheet")
 _VIEW = ("lens", "bend")
-_LEAF = ("surface", "browned_margin", "pale_margin", "spots", "veins", "undulation", "relief")
+_LEAF = (
+    "surface",
+    "browned_margin",
+    "pale_margin",
+    "spots",
+    "veins",
+    "red_petiole",
+    "undulation",
+    "relief",
+)
 _FILE = ("resizing", "jpeg")
 _LIGHT = ("illumination", "photographer", "glass", "glare", "development")
 
@@ -178,7 +187,7 @@ def _prepare_leaf(
         scene.surface,
         scene.numbers.turtles,
         size,
-        _enabled(scene, "veins"),
+        _enabled(scene, "veins", "red_petiole"),
         scene.closest_mm,
     )
     return LeafInputs(
