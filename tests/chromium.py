@@ -18,7 +18,7 @@ class Browser:
     """One page of a new, empty profile; leaving the context manager ends the browser."""
 
     def __init__(self) -> None:
-        self._profile = tempfile.TemporaryDirectory(prefix="laesi-chromium-")
+        self._profile = tempfile.TemporaryDirectory(prefix="laesi-chromium-", ignore_cleanup_errors=True)
         command_output, self._commands = os.pipe()
         self._answers, answer_input = os.pipe()
         command = [str(binary()), "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"]

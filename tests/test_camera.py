@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import middle
 
-from laesi_tf.synthesis import geometry
-from laesi_tf.synthesis.camera import imaging
+from laesi_tf.synthesis import filters, geometry
+from laesi_tf.synthesis.camera import imaging, recording
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.camera.view import IMAGE_BORDER, CameraView, compute_view, pinhole_homography
 
@@ -112,7 +112,7 @@ def test_blur_equals_opencv(sigma: float) -> None:
     image = random_image()
     kernel = cv2.getGaussianKernel(13, sigma)
     expected = [cv2.sepFilter2D(c, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE) for c in image]
-    found = imaging.gaussian_blur(tf.constant(image), tf.constant(sigma), 6)
+    found = filters.gaussian_blur(tf.constant(image), tf.constant(sigma), 6)
     np.testing.assert_allclose(found, np.stack(expected), atol=1e-3)
 
 
@@ -121,7 +121,7 @@ def test_focus_blurs_by_millimetres() -> None:
     soft = imaging.apply_focus_blur(
         image, middle(CameraParams(), blurred=True, blur_mm=0.1), tf.constant(3.5), 70.0
     )
-    np.testing.assert_allclose(soft, imaging.gaussian_blur(image, tf.constant(0.35), 4), atol=1e-3)
+    np.testing.assert_allclose(soft, filters.gaussian_blur(image, tf.constant(0.35), 4), atol=1e-3)
 
 
 def test_widest_blur_fits_its_taps() -> None:
@@ -130,7 +130,7 @@ def test_widest_blur_fits_its_taps() -> None:
     widest = imaging.apply_focus_blur(
         image, middle(CameraParams(), blurred=True, blur_mm=0.25), tf.constant(224 / 70), 70.0
     )
-    np.testing.assert_allclose(widest, imaging.gaussian_blur(image, tf.constant(0.8), 8), atol=0.06)
+    np.testing.assert_allclose(widest, filters.gaussian_blur(image, tf.constant(0.8), 8), atol=0.06)
 
 
 def test_neutral_white_balance_and_tone_change_nothing() -> None:
@@ -161,11 +161,11 @@ def test_white_balance_and_tone_follow_their_parameters() -> None:
 def test_sensor_noise_has_its_strength_and_is_stronger_in_the_shadows() -> None:
     image = np.zeros((3, 100, 100), np.float32)
     image[:, 50:] = 0.9
-    noise = imaging.cut_sensor_noise(tf.constant([0.2, 0.6]), (100, 100))
-    silent = imaging.add_sensor_noise(tf.constant(image), middle(CameraParams(), noise=0.0), noise)
+    noise = recording.cut_sensor_noise(tf.constant([0.2, 0.6]), (100, 100))
+    silent = recording.add_sensor_noise(tf.constant(image), middle(CameraParams(), noise=0.0), noise)
     np.testing.assert_array_equal(silent, image)
     noisy = (
-        imaging.add_sensor_noise(tf.constant(image), middle(CameraParams(), noise=0.04), noise).numpy()
+        recording.add_sensor_noise(tf.constant(image), middle(CameraParams(), noise=0.04), noise).numpy()
         - image
     )
     assert noisy[:, :50].std() == pytest.approx(0.04 * 1.25, rel=0.05)
@@ -173,7 +173,7 @@ def test_sensor_noise_has_its_strength_and_is_stronger_in_the_shadows() -> None:
 
 
 def soften_chroma(image: np.ndarray) -> tf.Tensor:
-    return imaging.restore_chroma(tf.constant(image), imaging.halve_chroma(tf.constant(image)))
+    return recording.restore_chroma(tf.constant(image), recording.halve_chroma(tf.constant(image)))
 
 
 def test_chroma_softness_leaves_luma_alone() -> None:

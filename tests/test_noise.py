@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from laesi_tf.synthesis import noise
-from laesi_tf.synthesis.camera import imaging
+from laesi_tf.synthesis.camera import recording
 
 SIZES = st.tuples(st.integers(1, 40), st.integers(1, 40))
 
@@ -95,7 +95,7 @@ def test_blend_is_the_papers_weighted_sum() -> None:
 
 def test_sensor_noise_is_white_and_of_unit_variance() -> None:
     cut, other = (
-        imaging.cut_sensor_noise(tf.constant([down, 0.7]), (128, 96)).numpy() for down in (0.3, 0.31)
+        recording.cut_sensor_noise(tf.constant([down, 0.7]), (128, 96)).numpy() for down in (0.3, 0.31)
     )
     assert cut.shape == (3, 128, 96)
     np.testing.assert_allclose(cut.std(axis=(1, 2)), 1, atol=0.03)

@@ -18,12 +18,14 @@ from laesi_tf.common.geometry import (
 from laesi_tf.estimators.base import LeafMeasurement
 from laesi_tf.estimators.leaf_candidates import LeafCandidate
 from laesi_tf.estimators.leaf_shape import measure_polygon
+from laesi_tf.estimators.leaf_surroundings import SurroundingsParams, is_touched
 from laesi_tf.estimators.mask_refinement import MaskRefinementParams, refine_mask
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop
 from laesi_tf.estimators.sheet_map import SheetMap
 
 CUT_OFF = "cut off by the photo's border: at least this much"
+TOUCHED = "something other than bare paper touches it: look whether a part is covered or left out"
 
 PlacedMask = tuple[Crop, Mask]
 """A leaf as a mask, bool [h, w], in a crop of the photo."""
@@ -34,6 +36,7 @@ class LeafOutlineParams:
     """Parameters of outlines."""
 
     refinement: MaskRefinementParams = field(default_factory=MaskRefinementParams)
+    surroundings: SurroundingsParams = field(default_factory=SurroundingsParams)
     min_area_px: float = parameter(50.0, unit="photo pixels")
     """Smaller leaves cannot be measured."""
     border_px: float = parameter(1.5, unit="pixels of the crop")
@@ -80,6 +83,8 @@ class LeafOutline:
     """Standard deviation of the area in photo pixels."""
     is_cut_off: bool
     """Whether it reaches the photo's border."""
+    is_touched: bool
+    """Whether something other than paper touches it."""
 
     @property
     def placed_mask(self) -> PlacedMask:
@@ -88,8 +93,10 @@ class LeafOutline:
 
     def without_scale(self) -> LeafMeasurement:
         """Return what is known of the leaf without a scale: its outline."""
-        note = CUT_OFF if self.is_cut_off else None
-        return LeafMeasurement(outline=self.polygon.outer, holes=self.polygon.holes, note=note)
+        notes = [note for note, holds in ((CUT_OFF, self.is_cut_off), (TOUCHED, self.is_touched)) if holds]
+        return LeafMeasurement(
+            outline=self.polygon.outer, holes=self.polygon.holes, note="; ".join(notes) or None
+        )
 
     @property
     def centroid(self) -> Points:
@@ -118,13 +125,8 @@ def outline_leaf(candidate: LeafCandidate, size: ImageSize, params: LeafOutlineP
     crop, letterbox = candidate.crop, candidate.letterbox
     others = letterbox.crop_and_resize_back(candidate.other_leaves_mask().astype(np.float32)) >= 0.5
     probability = letterbox.crop_and_resize_back(candidate.own_probability())
-    refined = refine_mask(
-        crop.image,
-        probability,
-        1 / float(letterbox.scale.min()),
-        others=others,
-        params=params.refinement,
-    )
+    network_px = 1 / float(letterbox.scale.min())
+    refined = refine_mask(crop.image, probability, network_px, others=others, params=params.refinement)
     polygons = trace_polygons(refined.mask)
     if not polygons:
         return None
@@ -144,6 +146,7 @@ def outline_leaf(candidate: LeafCandidate, size: ImageSize, params: LeafOutlineP
         polygon=polygon,
         area_sd_px=float(area_sd * crop.pixel_size.prod()),
         is_cut_off=is_cut_off,
+        is_touched=is_touched(crop.image, refined.mask, others, network_px, params.surroundings),
     )
 
 

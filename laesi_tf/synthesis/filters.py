@@ -1,4 +1,4 @@
-"""Wide Gaussian blurs with a shift, computed at a quarter of the resolution."""
+"""Gaussian blurs: narrow ones at the resolution of the image, wide ones with a shift at a quarter of it."""
 
 import math
 
@@ -9,6 +9,31 @@ from laesi_tf.synthesis.noise import SeparableField
 
 _BLOCK_PX = 4
 """Side in pixels of the blocks whose means the wide blur starts from."""
+
+
+def gaussian_blur(image: tf.Tensor, sigma_px: tf.Tensor, reach: int) -> tf.Tensor:
+    """Blur [..., H, W] by `sigma_px` with 2 * `reach` + 1 taps on each axis."""
+    taps = tf.exp(-0.5 * (tf.range(reach + 1, dtype=tf.float32) / tf.maximum(sigma_px, 1e-3)) ** 2)
+    taps = tf.unstack(taps / (2 * tf.reduce_sum(taps) - 1))
+    return _convolve(_convolve(image, taps, axis=-1), taps, axis=-2)
+
+
+def _convolve(image: tf.Tensor, taps: list[tf.Tensor], *, axis: int) -> tf.Tensor:
+    reach = len(taps) - 1
+    length = image.shape[axis]
+    first, last = (tf.repeat(tf.gather(image, [end], axis=axis), reach, axis=axis) for end in (0, length - 1))
+    # Repeating the border by hand: tf.pad's mirror modes cost more than the convolution.
+    padded = tf.concat([first, image, last], axis=axis)
+
+    def shift(offset: int) -> tf.Tensor:
+        window = [slice(None)] * image.shape.rank
+        window[axis] = slice(reach + offset, reach + offset + length)
+        return padded[tuple(window)]
+
+    result = shift(0) * taps[0]
+    for offset in range(1, reach + 1):
+        result += (shift(offset) + shift(-offset)) * taps[offset]
+    return result
 
 
 def blur_and_shift(

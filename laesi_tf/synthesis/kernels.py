@@ -7,13 +7,13 @@ costs about 50 microseconds, so stages are few and large.
 
 What XLA makes ten to a thousand times slower stays outside, in plain TensorFlow: adding into cells one by one
 (`rasterizer.sum_contributions`), searching a sorted list (`geometry.find_segments`), and cutting a window
-from a constant (`imaging.cut_sensor_noise`). So does the codec of JPEG (`file.compress`), which XLA lacks.
+from a constant (`recording.cut_sensor_noise`). So does the codec of JPEG (`file.compress`), which XLA lacks.
 And what finds the entries of a table must not be compiled together with what looks them up
 (`ruling.compute_ruling_cells`, `sheet.paint_sheet_and_desk`).
 """
 
 from laesi_tf.synthesis import scene_layout
-from laesi_tf.synthesis.camera import file, imaging
+from laesi_tf.synthesis.camera import file, imaging, recording
 from laesi_tf.synthesis.leaf import outline, painting
 from laesi_tf.synthesis.paper import ruling, sheet
 from laesi_tf.synthesis.props import drawing
@@ -31,9 +31,9 @@ paint_leaf = compile_with_xla(painting.paint_leaf)
 shade_leaf = compile_with_xla(painting.shade_leaf)
 apply_light_and_tone = compile_with_xla(imaging.apply_light_and_tone)
 apply_focus_blur = compile_with_xla(imaging.apply_focus_blur)
-add_sensor_noise = compile_with_xla(imaging.add_sensor_noise)
+add_sensor_noise = compile_with_xla(recording.add_sensor_noise)
 sharpen = compile_with_xla(file.sharpen)
-record = compile_with_xla(imaging.record)
+record = compile_with_xla(recording.record)
 # Where a file keeps colour at half the resolution, instead of `record`:
-subsample_chroma = compile_with_xla(imaging.subsample_chroma)
-record_with_chroma = compile_with_xla(imaging.record_with_chroma)
+subsample_chroma = compile_with_xla(recording.subsample_chroma)
+record_with_chroma = compile_with_xla(recording.record_with_chroma)

@@ -75,19 +75,32 @@ _PHONE_LEAVES = {
     )
     for name, (weight, leaf) in LEAF_KINDS.items()
 }
-"""Smaller leaves, with petioles that are longer and thinner, and a kind that is narrow as grass."""
+"""Smaller leaves, with petioles that are longer and thinner, and two kinds that the paper lacks."""
 _PHONE_LEAVES["linear"] = (
     0.08,
     dataclasses.replace(
         _PHONE_LEAVES["lanceolate"][1],
         length_mm=(40.0, 170.0),
-        aspect=(0.03, 0.1),
+        aspect=(0.018, 0.1),
         irregularity=(0.001, 0.003),
         bend=(-0.9, 0.9),
         petiole=(0.0, 0.1),
         holed=Probability(0.0),
     ),
 )
+_PHONE_LEAVES["pinnate"] = (
+    0.07,
+    dataclasses.replace(
+        _PHONE_LEAVES["oak"][1],
+        length_mm=(35.0, 170.0),
+        aspect=(0.4, 1.0),
+        tip_power=(0.35, 0.65),
+        lobes=(2.5, 6.0),
+        lobe_depth=(0.75, 1.0),
+        petiole_width_mm=(0.8, 2.4),
+    ),
+)
+"""Divided nearly or wholly to the midrib, as compound leaves are."""
 PHONE = Ranges(
     leaf=_PHONE_LEAVES,
     surface=SurfaceParams(
@@ -97,11 +110,13 @@ PHONE = Ranges(
         undulation=(0.0, 2.0),
         undulation_cells=(2.0, 8.0),
         margin_browned=Probability(0.15),
-        margin_pale=Probability(0.06),
+        margin_pale=Probability(0.12),
+        pale_mm=(0.8, 5.0),
+        petiole_red=Probability(0.2),
     ),
     props=PropsParams(
         **{name: Probability(chance) for name, chance in _CHANCES.items()},
-        stroke_mm=(0.25, 2.5),
+        stroke_mm=(0.25, 4.0),
         coin_brightness=(0.35, 1.15),
         coin_relief=(0.0, 0.7),
         gap_mm=(1.0, 60.0),

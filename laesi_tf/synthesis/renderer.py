@@ -20,7 +20,7 @@ from typing import NamedTuple
 import tensorflow as tf
 
 from laesi_tf.synthesis import geometry, kernels, rasterizer
-from laesi_tf.synthesis.camera import file, imaging
+from laesi_tf.synthesis.camera import file, recording
 from laesi_tf.synthesis.camera.view import tilt_deg
 from laesi_tf.synthesis.geometry import ImageSize
 from laesi_tf.synthesis.leaf.outline import OUTLINE_POINTS, OutlineCurve
@@ -34,7 +34,16 @@ from laesi_tf.synthesis.scene_layout import SceneLayout, shrink_leaf_if
 
 _SHEET = ("paper_noise", "crease", "ruling", "paper_kinds", "desk", "desk_kinds", "cut_sheet")
 _VIEW = ("lens", "bend")
-_LEAF = ("surface", "browned_margin", "pale_margin", "spots", "veins", "undulation", "relief")
+_LEAF = (
+    "surface",
+    "browned_margin",
+    "pale_margin",
+    "spots",
+    "veins",
+    "red_petiole",
+    "undulation",
+    "relief",
+)
 _FILE = ("resizing", "jpeg")
 _LIGHT = ("illumination", "photographer", "glass", "glare", "development")
 
@@ -178,7 +187,7 @@ def _prepare_leaf(
         scene.surface,
         scene.numbers.turtles,
         size,
-        _enabled(scene, "veins"),
+        _enabled(scene, "veins", "red_petiole"),
         scene.closest_mm,
     )
     return LeafInputs(
@@ -216,7 +225,7 @@ def _record(exposed: tf.Tensor, scene: Scene, px_per_mm: tf.Tensor) -> tf.Tensor
     """Apply focus blur, sensor noise, sharpening, chroma, 8 bits and the file: uint8 [H, W, 3]."""
     camera, image, noise = scene.camera, exposed, None
     if "sensor_noise" in scene.components:
-        noise = imaging.cut_sensor_noise(scene.light_numbers.sensor, (image.shape[1], image.shape[2]))
+        noise = recording.cut_sensor_noise(scene.light_numbers.sensor, (image.shape[1], image.shape[2]))
     if "focus" in scene.components:
         image = tf.cond(
             camera.blurred,

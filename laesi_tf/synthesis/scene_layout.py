@@ -20,7 +20,7 @@ from laesi_tf.synthesis.leaf.mesh import leaf_area_cm2
 from laesi_tf.synthesis.leaf.outline import OutlineCurve
 from laesi_tf.synthesis.leaf.params import LeafParams
 from laesi_tf.synthesis.leaf.surface import SurfaceParams
-from laesi_tf.synthesis.leaf.veins import vein_edges
+from laesi_tf.synthesis.leaf.veins import petiole_edges, vein_edges
 from laesi_tf.synthesis.ranges import Scalar
 from laesi_tf.synthesis.rasterizer import EdgeContributions, edge_contributions
 
@@ -114,6 +114,8 @@ def leaf_contributions(
     if "veins" not in components:
         return of_outline, None
     outlines = vein_edges(leaf, turtle_noise, surface.vein_jitter, surface.vein_width_mm)
+    if "red_petiole" in components:
+        outlines = tf.concat([outlines, petiole_edges(leaf, surface.petiole_red)], axis=0)
     projected = layout.view.to_photo(layout.pose.apply(outlines))
     pieces = math.ceil(max(size) / 40 * _magnification(closest_mm))
     return of_outline, edge_contributions(subdivide_edges(projected, pieces), size)

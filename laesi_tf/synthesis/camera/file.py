@@ -5,7 +5,7 @@ The 8 x 8 blocks of JPEG can look like a ruling; only the real codec makes them.
 
 import tensorflow as tf
 
-from laesi_tf.synthesis.camera.imaging import gaussian_blur
+from laesi_tf.synthesis import filters
 from laesi_tf.synthesis.camera.params import CameraParams
 from laesi_tf.synthesis.ranges import Scalar
 
@@ -15,7 +15,7 @@ _MAX_SHARPENING_PX = 2.0
 
 def sharpen(image: tf.Tensor, camera: CameraParams[Scalar]) -> tf.Tensor:
     """Sharpen [3, H, W] by an unsharp mask, which leaves halos beside edges, as phones do."""
-    soft = gaussian_blur(image, camera.sharpening_px, round(2.5 * _MAX_SHARPENING_PX))
+    soft = filters.gaussian_blur(image, camera.sharpening_px, round(2.5 * _MAX_SHARPENING_PX))
     return image + camera.sharpening * (image - soft)
 
 

@@ -32,6 +32,8 @@ PALETTE = np.array(
 )
 """Fresh green to autumn brown, sRGB."""
 _CREAM = np.array([0.88, 0.86, 0.66], np.float32)
+_CRIMSON = np.array([0.5, 0.1, 0.17], np.float32)
+_BARK = np.array([0.4, 0.27, 0.18], np.float32)
 BLEND_NODES = 16
 FINE_NODES = 60
 
@@ -73,6 +75,11 @@ class SurfaceParams(Generic[Value]):
     pale_depth: Value = interval(0.4, 0.95)
     pale_mm: Value = interval(0.8, 3.5)
     """Standard deviation of the blur that tells margin from blade."""
+    petiole_red: Value = probability(0.0)
+    """Petiole and veins are red or brown, whatever the blade's colour."""
+    red_depth: Value = interval(0.4, 0.95)
+    red_hue: Value = interval(0.0, 1.0)
+    """0 crimson, 1 the brown of bark."""
 
 
 class SurfaceNoiseGrids(NamedTuple):
@@ -125,7 +132,7 @@ def leaf_colour(
         )
     if "spots" in components:
         colour = apply_spots(colour, surface, spot_coverage(surface, grids.spots, size))
-    return colour if veins is None else apply_vein_colour(colour, surface, veins)
+    return colour if veins is None else apply_vein_colour(colour, surface, veins, components)
 
 
 def colour_blend_noise(surface: SurfaceParams[Scalar], gradients: tf.Tensor, size: ImageSize) -> tf.Tensor:
@@ -199,7 +206,14 @@ def apply_spots(colour: tf.Tensor, surface: SurfaceParams[Scalar], coverage: tf.
     return colour + coverage * (season_colour(surface.spot_season) - colour)
 
 
-def apply_vein_colour(colour: tf.Tensor, surface: SurfaceParams[Scalar], coverage: tf.Tensor) -> tf.Tensor:
-    """Lighten or darken [3, H, W] by the veins' coverage V_e [H, W]."""
-    pale = tf.where(surface.vein_contrast > 0, tf.constant([0.72, 0.74, 0.45]), 0.0)[:, None, None]
-    return colour + tf.abs(surface.vein_contrast) * coverage * (pale - colour)
+def apply_vein_colour(
+    colour: tf.Tensor, surface: SurfaceParams[Scalar], coverage: tf.Tensor, components: tuple[str, ...]
+) -> tf.Tensor:
+    """Lighten, darken or redden [3, H, W] by the veins' coverage V_e [H, W]."""
+    pale = tf.where(surface.vein_contrast > 0, tf.constant([0.72, 0.74, 0.45]), 0.0)
+    depth = tf.abs(surface.vein_contrast)
+    if "red_petiole" in components:
+        red = tf.constant(_CRIMSON) + surface.red_hue * tf.constant(_BARK - _CRIMSON)
+        pale = tf.where(surface.petiole_red, red, pale)
+        depth = tf.where(surface.petiole_red, surface.red_depth, depth)
+    return colour + depth * coverage * (pale[:, None, None] - colour)

@@ -17,6 +17,7 @@ from laesi_tf.synthesis.ranges import Scalar
 MAX_SECONDARY_VEINS = 14
 SECONDARY_STEPS = 16
 MIDRIB_STEPS = 32
+PETIOLE_STEPS = 12
 
 
 def vein_edges(
@@ -36,6 +37,18 @@ def vein_edges(
     thinning = tf.constant(np.linspace(0.55, 0.12, SECONDARY_STEPS + 1), tf.float32)
     side = polygon_edges(stroke_outlines(paths, width_mm * exists[..., None] * thinning))
     return tf.concat([main, tf.reshape(side, [-1, 2, 2])], axis=0)
+
+
+def petiole_edges(leaf: LeafParams[Scalar], is_drawn: tf.Tensor) -> tf.Tensor:
+    """Return the edges [n, 2 ends, 2] of a stroke that covers the petiole, of no width unless `is_drawn` [].
+
+    In leaf coordinates, mm.
+    """
+    share = tf.constant(np.linspace(-1.02, 0.02, PETIOLE_STEPS), tf.float32)
+    middle, _ = midrib(leaf, share * leaf.petiole * leaf.length_mm)
+    # The petiole is up to 1.5 times as wide at its end.
+    width = tf.where(is_drawn, 1.6 * leaf.petiole_width_mm, 0.0)
+    return polygon_edges(stroke_outlines(middle, tf.repeat(width, PETIOLE_STEPS)))
 
 
 def secondary_paths(
