@@ -175,6 +175,22 @@ def test_a_vanished_drive_ends_the_run(photos: Path, tmp_path: Path, monkeypatch
     assert names(read_rows(tmp_path / "out")) == ["a.png", "b.png"]
 
 
+def test_a_fault_with_one_photo_does_not_end_the_work(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Faulty(MeanLevel):
+        def measure(self, image: object, *rest: object) -> object:
+            if float(image.mean()) == LEVELS["b"]:  # type: ignore[attr-defined]
+                raise ZeroDivisionError("one")
+            return super().measure(image, *rest)
+
+    use(monkeypatch, Faulty())
+    rows = predict(tmp_path / "out", photos)
+    assert [bool(row["area_cm2"]) for row in rows] == [True, False, True, True]
+    assert "fault of laesi_tf (ZeroDivisionError: one); please report" in rows[1]["error"]
+    assert "Traceback" in capsys.readouterr().err
+
+
 def test_a_damaged_last_line_is_measured_again(
     photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

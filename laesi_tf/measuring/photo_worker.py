@@ -4,6 +4,7 @@ import base64
 import math
 import os
 import threading
+import traceback
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,7 @@ _LARGE_PIXELS = 50_000_000
 """Photos of more pixels are measured one at a time: one of 200 megapixels takes 2 GB."""
 _THUMBNAIL_SIDE_PX = 240
 _THUMBNAIL_QUALITY = 70
+_FAULT = "{photo} could not be measured by a fault of laesi_tf ({kind}: {error}); please report it"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +65,14 @@ class PhotoWorker:
             except InputError as error:
                 record = LeafRecord(photo=str(task.page), refused=True, error=str(error))
                 return JournalEntry(key=task.key, state=state, records=(record,))
-            measurement = self.estimator.measure(image, info)
+            try:
+                measurement = self.estimator.measure(image, info)
+            # A fault of ours with one photo must not end the work on thousands.
+            except Exception as error:
+                traceback.print_exc()
+                message = _FAULT.format(photo=task.page, kind=type(error).__name__, error=error)
+                record = LeafRecord(photo=str(task.page), error=" ".join(message.split()))
+                return JournalEntry(key=task.key, state=state, records=(record,))
             overlay = self._write_overlay(task, image, measurement)
             return JournalEntry(
                 key=task.key,

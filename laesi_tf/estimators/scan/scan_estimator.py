@@ -158,6 +158,7 @@ class ScanEstimator:
             polygon=Polygon(outer, tuple(holes)),
             area_sd_px=float(sd * found.crop.pixel_size.prod()),
             is_cut_off=found.touches_border,
+            is_touched=False,
         )
 
     def _note(self, found: ScanObject, outline: LeafOutline) -> str | None:
