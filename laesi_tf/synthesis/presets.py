@@ -75,7 +75,7 @@ _PHONE_LEAVES = {
     )
     for name, (weight, leaf) in LEAF_KINDS.items()
 }
-"""Smaller leaves, with petioles that are longer and thinner, and a kind that is narrow as grass or needles."""
+"""Smaller leaves, with longer and thinner petioles, and a kind that is narrow as grass or needles."""
 _PHONE_LEAVES["linear"] = (
     0.08,
     dataclasses.replace(
