@@ -7,6 +7,7 @@ there: after an interruption the same command continues.
 
 import argparse
 import contextlib
+import sys
 from collections.abc import Sequence
 
 from laesi_tf.cli.arguments import make_parser
@@ -76,6 +77,8 @@ def _measure(
     finished: int,
 ) -> None:
     """Load the estimator and measure `tasks`."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        print("loading the networks; the first photo takes some seconds longer", file=sys.stderr)
     load_tensorflow(is_reproducible=True)
     from laesi_tf.estimators import factory
     from laesi_tf.measuring.photo_worker import PhotoWorker

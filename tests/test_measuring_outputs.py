@@ -2,9 +2,11 @@
 
 import csv
 import json
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,8 +17,10 @@ from laesi_tf import predict as command
 from laesi_tf.common.errors import InputError
 from laesi_tf.data.file_resolution import read_dpi
 from laesi_tf.estimators import factory
+from laesi_tf.estimators.base import LeafMeasurement, Measurement
 from laesi_tf.reporting.histogram import choose_edges, draw_histogram
 from laesi_tf.reporting.leaf_records import COLUMNS
+from laesi_tf.reporting.measurement_overlay import _number_leaves
 
 
 @pytest.fixture(autouse=True)
@@ -193,3 +197,13 @@ def test_dpi_of_each_file_is_its_scale(tmp_path: Path) -> None:
     rows = predict(tmp_path / "2", tmp_path / "in", "--dpi", "600")
     assert {row["px_per_mm"] for row in rows} == {"23.62"}
     assert names(rows) == names(read_rows(tmp_path / "out"))
+
+
+def test_many_leaves_are_labelled_by_their_numbers_alone() -> None:
+    corners = np.array([[0.0, 0], [30, 0], [30, 50], [0, 50]])
+    leaves = [LeafMeasurement(area_cm2=1.5, outline=corners + 100 * number) for number in range(30)]
+    few, many = (Measurement(method="m", leaves=tuple(leaves[:count])) for count in (2, 30))
+    labels, height = _number_leaves(few, np.ones(2))
+    assert [text for _, text in labels] == ["1: 1.50", "2: 1.50"] and height == math.inf
+    labels, height = _number_leaves(many, np.ones(2))
+    assert [text for _, text in labels] == [str(number) for number in range(1, 31)] and height == 12
