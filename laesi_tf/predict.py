@@ -127,7 +127,9 @@ def _print_summary(results: ResultsFolder, search: PhotoSearch, names: SampleNam
             "(--again measures them anew)"
         )
     if others := results.count_others():
-        lines.append(f"the table also has {others} photos of earlier commands (--again leaves them out)")
+        lines.append(
+            f"photos of earlier commands that are in the table, too: {others} (--again leaves them out)"
+        )
     if results.kept_copy is not None:
         lines.append(f"the earlier table had been changed; it is kept as {results.kept_copy}")
     if passed_over := search.describe_passed_over():

@@ -89,7 +89,7 @@ def test_photos_of_earlier_commands_stay_in_the_table(
     predict(tmp_path / "out", photos / "c.png")
     rows = predict(tmp_path / "out", photos / "a.png")
     assert names(rows) == ["c.png", "a.png"]
-    assert "also has 1 photos of earlier commands" in capsys.readouterr().out
+    assert "photos of earlier commands that are in the table, too: 1 (" in capsys.readouterr().out
 
 
 def test_other_settings_are_not_mixed(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
