@@ -14,6 +14,7 @@ from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
+from laesi_tf.estimators.scan.scan_estimator import ScanEstimator
 from laesi_tf.models.saved_model import PRETRAINED, Run, load_run
 
 
@@ -41,6 +42,7 @@ def load_estimator(
     mask_run: Path | str | None = None,
     ruling_run: Path | str | None = None,
     guess: bool = False,
+    has_known_scale: bool = False,
 ) -> Estimator:
     """Load the estimator for the training run in folder `run`; without one, the ruling estimator.
 
@@ -48,8 +50,14 @@ def load_estimator(
     takes the scale from a red square. A run of task `area` gives the area estimator, a run of task `mask`
     the mask estimator, which needs a given scale. The ruling estimator takes `mask_run` and `ruling_run` in
     place of the shipped runs; with `guess`, the area run `run`, or the shipped one, guesses where no ruling
-    is read. Raises InputError.
+    is read. With `has_known_scale`, `PhotoInfo.px_per_mm` will be given and no ruling is read: without a run,
+    leaves are found on a plain background by its colour, else by the mask network; with `mask_run`, by that
+    network alone. Raises InputError.
     """
+    if has_known_scale and run is None:
+        if mask_run is not None:
+            return _make_mask_estimator(_load_run_of("mask", mask_run))
+        return ScanEstimator(lambda: _make_mask_estimator(_load_run_of("mask", PRETRAINED / "mask")))
     if run is None or (guess and str(run) not in _WITHOUT_RUN):
         return _load_ruling_estimator(run, mask_run=mask_run, ruling_run=ruling_run, guess=guess)
     for option, given in (("--mask-model", mask_run), ("--ruling-model", ruling_run), ("--guess", guess)):
