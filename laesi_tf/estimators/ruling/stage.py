@@ -7,6 +7,7 @@ nothing; within another graph, as for export, the stages are called like any ope
 
 from collections.abc import Callable
 from functools import lru_cache, partial, wraps
+from threading import Lock
 from typing import Any, TypeVar, cast
 
 import tensorflow as tf
@@ -24,6 +25,9 @@ def compile_stage(function: Function) -> Function:
     dataclasses; each of their values is traced by itself.
     """
 
+    # Threads that measure photos must not trace a stage twice.
+    lock = Lock()
+
     # By value, as tf.function would forget a trace with the object that it was made for.
     @lru_cache(_KEPT)
     def compile_for(**params: Any) -> Callable[..., Any]:
@@ -34,6 +38,8 @@ def compile_stage(function: Function) -> Function:
 
     @wraps(function)
     def call(*tensors: Any, **params: Any) -> Any:
-        return compile_for(**params)(*tensors)
+        with lock:
+            compiled = compile_for(**params)
+        return compiled(*tensors)
 
     return cast(Function, call)
