@@ -28,8 +28,8 @@ CUT_OFF = "cut off by the photo's border: at least this much"
 TOUCHED = "something other than bare paper touches it: look whether a part is covered or left out"
 
 UNCERTAINTY_SET = (
-    "rendered (split develop, visible areas) and every 8th photo of semi-real's train: 68 and 95 % of the areas "
-    "within one and two standard deviations; 2026-11-29"
+    "rendered (split develop, visible areas) and every 8th photo of semi-real's train: 68 and 95 % of the "
+    "areas within one and two standard deviations; 2026-11-29"
 )
 """What the parameters of uncertainty were set on."""
 
