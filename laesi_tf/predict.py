@@ -41,6 +41,7 @@ def main(arguments: Sequence[str]) -> None:
     if options.px_per_mm is not None and options.model is None:
         # A given scale needs no ruling.
         models = {"run": options.mask_model or PRETRAINED / "mask"}
+    models["reads_ruling"] = options.px_per_mm is None
     estimator = factory.load_estimator(**models)
     info = PhotoInfo(px_per_mm=options.px_per_mm, grid_mm=options.grid_mm)
     records: list[LeafRecord] = []

@@ -56,9 +56,9 @@ def measure_scale_error(
     The fit's `covariance` [COUNT, COUNT], what paper that is not flat adds (`phase_error`, periods), and a
     floor.
     """
-    variances = tf.linalg.diag_part(covariance)
-    deviation = tf.sqrt(tf.maximum(variances, tf.zeros_like(variances)))
     identity = np.eye(COUNT, dtype=parameters.dtype.as_numpy_dtype)
+    variances = tf.reduce_sum(covariance * identity, -1)
+    deviation = tf.sqrt(tf.maximum(variances, tf.zeros_like(variances)))
     shifts = identity * deviation
     model = unpack_sheet(tf.concat([parameters + shifts, parameters - shifts], 0))
     density = tf.abs(line_density(model, place[..., 0, None], place[..., 1, None]))
