@@ -3,32 +3,14 @@
 Places are (x, y) in units of half the photo's longer side from the photo's middle, as in `SheetModel`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT, FOCAL, SheetModel, line_density
-from laesi_tf.estimators.parameters import parameter
+from laesi_tf.estimators.ruling.sheet_camera import ScaleErrorParams
 
 _FOCALS = 0.5, 3.0
 """Focal lengths that are believed: an ultra-wide camera, and a photo cropped to a quarter."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScaleErrorParams:
-    """Parameters of the error of a camera's scale."""
-
-    waviness: float = parameter(
-        0.06,
-        unit="share of the scale per period",
-        set_on="rendered (split develop), where 20 of 30 photos are within one standard deviation with it; "
-        "2026-11-28",
-    )
-    """Error by the distance of the lines from the fit: waves of the paper move neighbouring lines together,
-    so that the covariance, which takes windows as independent, misses them."""
-    floor: float = parameter(0.0003, unit="share of the scale", set_on="as waviness")
-    """Standard deviation that stays with the clearest ruling."""
 
 
 def unpack_sheet(parameters: tf.Tensor) -> SheetModel:

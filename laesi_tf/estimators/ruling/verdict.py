@@ -9,9 +9,9 @@ import tensorflow as tf
 
 from laesi_tf.common.sheet_model import SheetModel
 from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
-from laesi_tf.estimators.ruling.camera_ops import ScaleErrorParams
 from laesi_tf.estimators.ruling.line_levels import FINER
 from laesi_tf.estimators.ruling.reading import Reading
+from laesi_tf.estimators.ruling.sheet_camera import ScaleErrorParams
 
 
 class Refusal(IntEnum):
