@@ -15,6 +15,7 @@ from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
 from laesi_tf.data.manifest import read_manifest
+from laesi_tf.data.photo_search import find_photos
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -133,6 +134,54 @@ def benchmark_sensitivity(arguments: Sequence[str]) -> None:
     print(sensitivity.format_table(base, results, count=len(labelled)))
 
 
+def benchmark_folder(arguments: Sequence[str]) -> None:
+    """Measure a folder of many photos: speed and memory of 1 and 2 workers, and the result after kills."""
+    parser = make_parser("benchmark folder", benchmark_folder.__doc__)
+    parser.add_argument(
+        "photos", nargs="+", metavar="PHOTO", help="photos or folders; links to them are measured"
+    )
+    parser.add_argument(
+        "--count", type=positive_int, default=300, metavar="N", help="photos in the folder that is measured"
+    )
+    parser.add_argument(
+        "--workers", type=positive_int, nargs="+", default=[1, 2], metavar="N", help="numbers of workers"
+    )
+    parser.add_argument(
+        "--kills", type=non_negative_int, default=3, metavar="N", help="times that a run is killed, at random"
+    )
+    parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the kills")
+    options = parser.parse_args(arguments)
+    photos = [photo.path for photo in find_photos(options.photos).photos]
+    from laesi_tf.benchmarks import folder_speed
+
+    metrics = folder_speed.time_folder(
+        photos, count=options.count, workers=options.workers, kills=options.kills, seed=options.seed
+    )
+    if options.json is not None:
+        write_json(options.json, metrics)
+    print(folder_speed.format_table(metrics))
+
+
+def benchmark_fuzz(arguments: Sequence[str]) -> None:
+    """Measure damaged and hostile files: no traceback, at most 10 s a file and 2 GB of memory."""
+    parser = make_parser("benchmark fuzz", benchmark_fuzz.__doc__)
+    parser.add_argument(
+        "photos", nargs="+", metavar="PHOTO", help="photos or folders, copies of which are damaged"
+    )
+    parser.add_argument("--files", type=positive_int, default=200, metavar="N", help="files to make")
+    parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the damage")
+    options = parser.parse_args(arguments)
+    photos = [photo.path for photo in find_photos(options.photos).photos]
+    from laesi_tf.benchmarks import fuzzed_files
+
+    metrics = fuzzed_files.fuzz_predict(photos, count=options.files, seed=options.seed)
+    if options.json is not None:
+        write_json(options.json, metrics)
+    print(fuzzed_files.format_report(metrics))
+    if not metrics["is_passed"]:
+        raise SystemExit(1)
+
+
 def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, int]) -> None:
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the scenes")
     parser.add_argument(
@@ -144,6 +193,8 @@ BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
     "synthesis": benchmark_synthesis,
     "photo": benchmark_photo,
     "sensitivity": benchmark_sensitivity,
+    "folder": benchmark_folder,
+    "fuzz": benchmark_fuzz,
 }
 
 if __name__ == "__main__":

@@ -1,10 +1,8 @@
 """Measuring photos from the command line."""
 
 import csv
-import errno
 import json
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +11,7 @@ from green import photo, save_run
 from PIL import Image
 
 from laesi_tf import predict as command
-from laesi_tf.common.errors import InputError
-from laesi_tf.estimators import factory
-from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
+from laesi_tf.estimators.base import LeafMeasurement, Measurement
 from laesi_tf.reporting.leaf_records import make_records
 from laesi_tf.reporting.overlay import PREDICTED_COLOUR
 
@@ -33,7 +29,7 @@ COLUMNS = {
     "refused",
     "error",
 }
-COLUMNS |= {"length_mm", "width_mm", "perimeter_mm", "holes_cm2", "note"}
+COLUMNS |= {"length_mm", "width_mm", "perimeter_mm", "holes_cm2", "note", "sample", "overlay"}
 PERCENT = 100 * math.pi * 0.3**2
 
 
@@ -109,7 +105,7 @@ def test_overlays_of_one_name_do_not_replace_each_other(runs: dict[str, Path], t
 def test_overlays_are_no_photos_of_the_next_run(runs: dict[str, Path], tmp_path: Path) -> None:
     original = save(tmp_path / "leaf.png", 96, 96).read_bytes()
     for _ in range(2):
-        assert len(predict(tmp_path, tmp_path, "--model", runs["area"])) == 1
+        assert len(predict(tmp_path / "out", tmp_path, "--model", runs["area"], "--recursive")) == 1
     assert (tmp_path / "leaf.png").read_bytes() == original
 
 
@@ -173,68 +169,10 @@ def test_leaves_are_numbered_in_table_summary_and_overlay(
     assert (overlay[:700] == 0).all(axis=2).sum() > 50, "no numbers on the leaves"
 
 
-def test_each_leaf_has_its_row(tmp_path: Path) -> None:
-    class Two:
-        def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
-            return Measurement(
-                method="two",
-                leaves=(LeafMeasurement(area_cm2=2.0), LeafMeasurement(area_cm2=3.0, px_per_mm=4.0)),
-            )
-
-    (rows,) = command.measure_photos(Two(), [save(tmp_path / "a.png", 50, 50)], info=UNKNOWN, out=tmp_path)
-    assert [(row.area_cm2, row.px_per_mm) for row in rows] == [(2.0, None), (3.0, 4.0)]
-
-
-def test_numbers_have_five_significant_digits(tmp_path: Path) -> None:
-    leaf = LeafMeasurement(area_cm2=100 / 3, px_per_mm=6.123456789012345)
+def test_numbers_have_as_many_digits_as_a_photo_gives() -> None:
+    leaf = LeafMeasurement(area_cm2=100 / 3, uncertainty_cm2=1 / 3, px_per_mm=6.123456789012345)
     (record,) = make_records(
         "a.png", Measurement(method="one", leaves=(leaf,), tilt_deg=1 / 3), "a.overlay.png"
     )
-    assert (record.area_cm2, record.px_per_mm, record.tilt_deg) == (33.333, 6.1235, 0.33333)
-
-
-class StopAfter:
-    """An estimator of one leaf that raises an error at a given photo."""
-
-    def __init__(self, count: int, error: BaseException) -> None:
-        self.remaining, self.error = count, error
-
-    def measure(self, image: np.ndarray, info: PhotoInfo = UNKNOWN) -> Measurement:
-        if not self.remaining:
-            raise self.error
-        self.remaining -= 1
-        return Measurement(method="one", leaves=(LeafMeasurement(area_cm2=2.0),))
-
-
-def test_ctrl_c_keeps_what_was_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    photos = [save(tmp_path / f"{name}.png", 50, 50) for name in "abc"]
-    monkeypatch.setattr(factory, "load_estimator", lambda *_, **__: StopAfter(2, KeyboardInterrupt()))
-    with pytest.raises(KeyboardInterrupt):
-        command.main([*map(str, photos), "--out", str(tmp_path / "out")])
-    with (tmp_path / "out" / "areas.csv").open(newline="") as file:
-        assert [Path(row["photo"]).name for row in csv.DictReader(file)] == ["a.png", "b.png"]
-
-
-def test_a_full_disk_is_one_error_and_keeps_what_was_measured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    photos = [save(tmp_path / f"{name}.png", 50, 50) for name in "abc"]
-    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    monkeypatch.setattr(factory, "load_estimator", lambda *_, **__: StopAfter(3, full))
-    write = Image.Image.save
-
-    def save_until_full(image: Image.Image, path: Path, **options: object) -> None:
-        if "c-" in Path(path).name or Path(path).name.startswith(".c."):
-            raise full
-        write(image, path, **options)
-
-    monkeypatch.setattr(Image.Image, "save", save_until_full)
-    with pytest.raises(InputError, match=r"c\.overlay\.png: No space left"):
-        command.main([*map(str, photos), "--out", str(tmp_path / "out")])
-    with (tmp_path / "out" / "areas.csv").open(newline="") as file:
-        assert [Path(row["photo"]).name for row in csv.DictReader(file)] == ["a.png", "b.png"]
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "a.overlay.png",
-        "areas.csv",
-        "b.overlay.png",
-    ]
+    assert (record.area_cm2, record.px_per_mm, record.tilt_deg) == (33.33, 6.123, 0.3)
+    assert record.uncertainty_cm2 == 0.33

@@ -25,9 +25,9 @@ class MedianIqr:
         return abs(self.median) <= self.iqr
 
 
-def format_row(name: str, median: str, iqr: str = "") -> str:
-    """Format a row of a benchmark's table."""
-    return f"{name:42}{median:>10}{iqr:>10}".rstrip()
+def format_row(name: str, *cells: str) -> str:
+    """Format a row of a benchmark's table, such as a median and its interquartile range."""
+    return f"{name:42}{''.join(f'{cell:>10}' for cell in cells)}".rstrip()
 
 
 def consume(items: Iterable[object]) -> None:

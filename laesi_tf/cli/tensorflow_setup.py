@@ -9,11 +9,15 @@ import os
 from collections.abc import Iterator
 
 
-def load_tensorflow(*, quick_compilation: bool = False) -> None:
+def load_tensorflow(*, quick_compilation: bool = False, is_reproducible: bool = False) -> None:
     """Import TensorFlow, let it look for GPUs, and hide all messages but warnings.
 
     With `quick_compilation`, XLA optimises less: for a few images, compiling takes longer than rendering.
+    With `is_reproducible`, oneDNN is not used: it changes the seventh digit of a scale from one process
+    to the next, and now and then a number in a table.
     """
+    if is_reproducible:
+        os.environ.setdefault("TF_ENABLE_ONEDNN_OPTS", "0")
     if quick_compilation:
         os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
     # The level alone does not silence seven lines about oneDNN and CUDA, which C++ code writes to stderr.

@@ -22,8 +22,8 @@ _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 def atomic_write(path: Path | str) -> Iterator[Path]:
     """Yield a temporary path with `path`'s suffix in the same folder; on success rename it to `path`.
 
-    Missing folders are made. Raises InputError where the folder cannot be made or written, and where the disk
-    is full.
+    Missing folders are made. Raises InputError where the folder cannot be made or written, where the disk is
+    full, and where `path` cannot be replaced.
     """
     path = Path(path)
     temporary = _create_beside(path)
@@ -32,7 +32,8 @@ def atomic_write(path: Path | str) -> Iterator[Path]:
         temporary.chmod(0o644)
         temporary.replace(path)
     except OSError as error:
-        if error.errno in _NO_SPACE:
+        # Windows denies replacing a file that another program has open.
+        if error.errno in (*_NO_SPACE, errno.EACCES, errno.EPERM):
             raise _unwritable_error(path, error) from error
         raise
     finally:
@@ -65,9 +66,37 @@ def _create_beside(path: Path) -> Path:
 def _unwritable_error(path: Path, error: OSError) -> InputError:
     if error.errno in _NO_SPACE:
         remedy = "free some space, then run the same command again"
+    elif error.errno in (errno.ENOENT, errno.EIO, errno.ESTALE, errno.ENODEV, errno.ENOTCONN):
+        remedy = "its folder has vanished; connect the drive, then run the same command again"
     else:
         remedy = "choose a folder you may write to"
     return InputError(f"cannot write {path}: {os.strerror(error.errno or 0)}; {remedy}")
+
+
+def append_bytes(path: Path | str, content: bytes) -> None:
+    """Append `content` to an existing file, whole or not at all. Raises InputError where it cannot.
+
+    A file that has vanished, as on a network drive, is not made anew.
+    """
+    path = Path(path)
+    try:
+        with path.open("r+b", buffering=0) as file:
+            end = file.seek(0, os.SEEK_END)
+            try:
+                written = 0
+                while written < len(content):
+                    written += file.write(content[written:])
+            except OSError:
+                file.truncate(end)
+                raise
+    except OSError as error:
+        raise _unwritable_error(path, error) from error
+
+
+def write_bytes(path: Path | str, content: bytes) -> None:
+    """Write `content`."""
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -114,10 +143,11 @@ def write_csv(path: Path | str, header: Sequence[str], rows: Iterable[Sequence[A
     ):
         writer = csv.writer(file)
         writer.writerow(header)
-        writer.writerows([_escape_formula(cell) for cell in row] for row in rows)
+        writer.writerows([escape_formula(cell) for cell in row] for row in rows)
 
 
-def _escape_formula(cell: Any) -> Any:
+def escape_formula(cell: Any) -> Any:
+    """Return `cell` with an apostrophe before text that a spreadsheet would run as a formula."""
     if not isinstance(cell, str) or not cell.startswith(_FORMULA_STARTS) or _is_number(cell):
         return cell
     return f"'{cell}"

@@ -9,9 +9,9 @@ def sanitise_text(text: object) -> str:
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in str(text))
 
 
-def round_for_table(value: float | None) -> float | None:
-    """Return `value` with five significant digits; None stays None."""
-    return None if value is None else float(f"{value:.{_DIGITS}g}")
+def round_for_table(value: float | None, digits: int = _DIGITS) -> float | None:
+    """Return `value` with so many significant digits, by default five; None stays None."""
+    return None if value is None else float(f"{value:.{digits}g}")
 
 
 def format_ordinal(number: int) -> str:

@@ -79,6 +79,16 @@ def read_upright_size(path: Path | str) -> tuple[int, int]:
         return orient_size(image.size, 1 if image.format == "TIFF" else read_orientation(image))
 
 
+@contextlib.contextmanager
+def open_header(path: Path | str, *, page: int | None = None) -> Iterator[Image.Image]:
+    """Yield the photo at `path`, not decoded, for what its header says; `page` as in `decode_photo`.
+
+    Raises InputError.
+    """
+    with _open_image(path, page) as image:
+        yield image
+
+
 def require_path(text: str) -> Path:
     """Return `text` as a path. Raises InputError if it is empty, or a URL, of which Path drops a slash."""
     if not text:

@@ -19,15 +19,16 @@ class PhotoPage:
 
     def __str__(self) -> str:
         """Return its path, followed by its number where the file has several: scans/leaf.tif#2."""
-        return f"{self.path}{self._ending}"
+        return f"{self.path}{self.ending}"
 
     @property
     def name(self) -> str:
         """Its file name, followed by its number where the file has several."""
-        return f"{self.path.name}{self._ending}"
+        return f"{self.path.name}{self.ending}"
 
     @property
-    def _ending(self) -> str:
+    def ending(self) -> str:
+        """Its number as it is written behind the file's name: #2; empty where the file has only one."""
         return "" if self.number is None else f"#{self.number}"
 
 

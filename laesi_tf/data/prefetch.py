@@ -1,4 +1,4 @@
-"""Load the next items in threads while the present one is processed."""
+"""Process items in threads, and return the results in the order of the items."""
 
 import collections
 from collections.abc import Callable, Iterable, Iterator
@@ -12,9 +12,9 @@ Result = TypeVar("Result")
 
 
 def prefetch(
-    load: Callable[[Item], Result], items: Iterable[Item], *, depth: int = 2
+    load: Callable[[Item], Result], items: Iterable[Item], *, depth: int = 2, workers: int = 2
 ) -> Iterator[tuple[Item, Result | InputError]]:
-    """Yield (item, load(item)) in order, while up to `depth` further items are loaded in two threads.
+    """Yield (item, load(item)) in order, while up to `depth` further items are loaded in `workers` threads.
 
     An InputError takes the place of the result, so that one bad file does not end the loop; any other
     exception is raised. `depth` bounds the memory: a 12-megapixel photo takes 36 MB.
@@ -27,7 +27,7 @@ def prefetch(
             return item, error
 
     pending: collections.deque[Future[tuple[Item, Result | InputError]]] = collections.deque()
-    with ThreadPoolExecutor(max_workers=2) as pool:
+    with ThreadPoolExecutor(max_workers=workers) as pool:
         try:
             for item in items:
                 pending.append(pool.submit(try_load, item))

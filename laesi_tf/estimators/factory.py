@@ -16,6 +16,7 @@ from laesi_tf.estimators.litert_file import SUFFIX
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
+from laesi_tf.estimators.scan.scan_estimator import ScanEstimator
 from laesi_tf.models.saved_model import PRETRAINED, Run, load_run
 
 
@@ -43,17 +44,24 @@ def load_estimator(
     mask_run: Path | str | None = None,
     ruling_run: Path | str | None = None,
     guess: bool = False,
-    reads_ruling: bool = True,
+    has_known_scale: bool = False,
 ) -> Estimator:
     """Load the estimator for the training run in folder `run`; without one, the ruling estimator.
 
     A name of `_WITHOUT_RUN` in place of a run gives that estimator: `rule_based` is Easy Leaf Area, which
     takes the scale from a red square. A run of task `area` gives the area estimator, a run of task `mask`
-    the mask estimator, which needs a given scale. A `.tflite` file that `export` wrote measures as it stands,
-    without `reads_ruling` at the scale that is given with a photo. The ruling estimator takes `mask_run` and
-    `ruling_run` in place of the shipped runs; with `guess`, the area run `run`, or the shipped one, guesses
-    where no ruling is read. Raises InputError.
+    the mask estimator, which needs a given scale. A `.tflite` file that `export` wrote measures as it stands.
+
+    The ruling estimator takes `mask_run` and `ruling_run` in place of the shipped runs; with `guess`, the
+    area run `run`, or the shipped one, guesses where no ruling is read. With `has_known_scale`,
+    `PhotoInfo.px_per_mm` will be given and no ruling is read: without a run, leaves are found on a plain
+    background by its colour, else by the mask network; with `mask_run`, by that network alone. Raises
+    InputError.
     """
+    if has_known_scale and run is None:
+        if mask_run is not None:
+            return _make_mask_estimator(load_run_of("mask", mask_run))
+        return ScanEstimator(lambda: _make_mask_estimator(load_run_of("mask", PRETRAINED / "mask")))
     if run is None or (guess and str(run) not in _WITHOUT_RUN and Path(run).suffix != SUFFIX):
         return _load_ruling_estimator(run, mask_run=mask_run, ruling_run=ruling_run, guess=guess)
     for option, given in (("--mask-model", mask_run), ("--ruling-model", ruling_run), ("--guess", guess)):
@@ -62,7 +70,7 @@ def load_estimator(
     if str(run) in _WITHOUT_RUN:
         return _WITHOUT_RUN[str(run)]()
     if Path(run).suffix == SUFFIX:
-        return load_litert_estimator(Path(run), reads_ruling=reads_ruling)
+        return load_litert_estimator(Path(run), reads_ruling=not has_known_scale)
     loaded = load_run(Path(run))
     if loaded.spec.task not in _BY_TASK:
         raise InputError(f"{run} is a model of task {loaded.spec.task}, which measures no photos alone")

@@ -9,6 +9,7 @@ import io
 import json
 import zipfile
 from pathlib import Path
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -76,8 +77,11 @@ class LiteRtRunner:
         self._interpreter.allocate_tensors()
         (name,) = self._interpreter.get_signature_list()
         self._run = self._interpreter.get_signature_runner(name)
+        # Photos are measured in several threads; an interpreter has one set of tensors.
+        self._lock = Lock()
 
     def __call__(self, **inputs: NDArray[Any] | np.generic) -> dict[str, NDArray[Any]]:
         """Return the outputs by name."""
-        outputs: dict[str, NDArray[Any]] = self._run(**inputs)
-        return {name: np.array(value) for name, value in outputs.items()}
+        with self._lock:
+            outputs: dict[str, NDArray[Any]] = self._run(**inputs)
+            return {name: np.array(value) for name, value in outputs.items()}

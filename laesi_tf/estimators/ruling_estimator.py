@@ -25,6 +25,7 @@ from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.sheet_map import UniformScale
+from laesi_tf.estimators.uncounted_things import UncountedThingsParams, count_uncounted
 
 METHOD = "ruling x silhouette"
 GUESS = "regression, no ruling read"
@@ -32,6 +33,7 @@ GUESS_SCALE = "silhouette x scale of the area model, no ruling read"
 ROUGH_ESTIMATE = "rough estimate of a network, because {reason}"
 NO_GUESS = "the area model has no scale to guess several leaves with"
 OFF_SHEET = "possible leaves beside the ruled sheet, not counted: {count}"
+UNCOUNTED = "things on the sheet that have a leaf's colour, not counted: {count}"
 NO_LEAF_ON_SHEET = "no leaf found on the ruled sheet; lay one whole leaf on it"
 
 
@@ -41,6 +43,7 @@ class RulingEstimatorParams:
 
     mask: MaskEstimatorParams = field(default_factory=MaskEstimatorParams)
     ruling: RulingReaderParams = field(default_factory=RulingReaderParams)
+    uncounted: UncountedThingsParams = field(default_factory=UncountedThingsParams)
     on_sheet: float = parameter(
         0.5, unit="share of the leaf", set_on="rendered (split develop) and cases, 2026-11-29"
     )
@@ -105,6 +108,9 @@ class RulingEstimator:
         notes = list(sheet.notes)
         if len(on_sheet) < len(outlines):
             notes.append(OFF_SHEET.format(count=len(outlines) - len(on_sheet)))
+        contours = [outline.polygon.outer for outline in outlines]
+        if uncounted := count_uncounted(pyramid, contours, sheet.outline, self.params.uncounted):
+            notes.append(UNCOUNTED.format(count=uncounted))
         return Measurement(
             method=METHOD,
             leaves=tuple(self._measure_leaf(outline, sheet.camera) for outline in on_sheet),

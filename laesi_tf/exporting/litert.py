@@ -17,6 +17,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.graph.photo_graph import CUT_OFF, PhotoGraph
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling.verdict import PitchNote, Refusal
+from laesi_tf.exporting.half_weights import halve_weights
 from laesi_tf.models.area_network import LARGEST_CM2, SMALLEST_CM2
 from laesi_tf.models.inference import freeze_network
 from laesi_tf.models.ruling_cells import FRAME_PX
@@ -85,10 +86,10 @@ def convert(graph: tuple[tf.Module, Any], variant: str, calibration: Calibration
     """Convert the result of `build_graph` to a variant; int8 needs `calibration`."""
     module, function = graph
     converter = tf.lite.TFLiteConverter.from_concrete_functions([function], module)
+    if variant == "float16":
+        return halve_weights(bytes(converter.convert()))
     if variant != "float32":
         converter.optimizations = [tf.lite.Optimize.DEFAULT]
-    if variant == "float16":
-        converter.target_spec.supported_types = [tf.float16]
     if variant == "int8":
         converter.representative_dataset = lambda: ([tf.constant(image)] for image in calibration)
         return _quantise_selectively(converter)

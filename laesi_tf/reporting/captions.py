@@ -3,6 +3,7 @@
 Images are uint8 [H, W, 3] RGB throughout.
 """
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,12 +18,14 @@ _FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 _MIN_FONT_PX = 10.0
 
 
-def draw_labels(image: RgbImage, labels: Sequence[tuple[Points, str]]) -> RgbImage:
+def draw_labels(
+    image: RgbImage, labels: Sequence[tuple[Points, str]], *, max_height: float = math.inf
+) -> RgbImage:
     """Return `image` [H, W, 3] with short texts centred on points (x, y), readable on any background.
 
-    The letters are a fiftieth of the longer side high.
+    The letters are a fiftieth of the longer side high, and at most `max_height` pixels.
     """
-    size = max(_MIN_FONT_PX, max(image.shape[:2]) / 50)
+    size = max(_MIN_FONT_PX, min(max(image.shape[:2]) / 50, max_height))
     font = ImageFont.truetype(_FONT, size)
     labelled = Image.fromarray(image)
     draw = ImageDraw.Draw(labelled)

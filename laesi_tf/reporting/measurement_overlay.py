@@ -1,5 +1,7 @@
 """Draw what was measured on a photo: grid, numbered outlines, and the results as text below."""
 
+import math
+
 import numpy as np
 
 from laesi_tf.common.arrays import Mask, Points, RgbImage
@@ -17,15 +19,21 @@ from laesi_tf.reporting.overlay import (
 )
 
 _MAX_NOTES = 3
+_MAX_AREAS = 20
+"""Leaves whose areas are written on them; of more, only the numbers fit."""
+_LABEL_SHARE = 0.4
+"""Height of the letters then, in widths of the median leaf."""
 
 
-def draw_measurement(image: RgbImage, measurement: Measurement, name: str) -> RgbImage:
-    """Return `image`, uint8 [H, W, 3], at a handy size with grid, outlines and results: uint8 [h, w, 3].
+def draw_measurement(
+    image: RgbImage, measurement: Measurement, name: str, *, side: int = OVERLAY_SIDE_PX
+) -> RgbImage:
+    """Return `image`, uint8 [H, W, 3], with grid, outlines and results: uint8 [h, w, 3].
 
-    `name` stands below the results.
+    Its longer side has at most `side` pixels. `name` stands below the results.
     """
     # A small photo is enlarged until the text below can be read.
-    side = min(OVERLAY_SIDE_PX, max(OVERLAY_SIDE_PX // 2, *image.shape[:2]))
+    side = min(side, max(OVERLAY_SIDE_PX // 2, *image.shape[:2]))
     overlay = resize(image, side)
     scale = ImageSize.of(overlay).xy / ImageSize.of(image).xy
     if measurement.camera is not None:
@@ -33,7 +41,8 @@ def draw_measurement(image: RgbImage, measurement: Measurement, name: str) -> Rg
     rings = [(ring * scale, PREDICTED_COLOUR) for leaf in measurement.leaves for ring in leaf.rings]
     overlay = draw_outlines(overlay, rings)
     if len(measurement.leaves) > 1:
-        overlay = draw_labels(overlay, _number_leaves(measurement, scale))
+        labels, height = _number_leaves(measurement, scale)
+        overlay = draw_labels(overlay, labels, max_height=height)
     lines = [*describe_measurement(measurement), f"{sanitise_text(name)}  ({measurement.method})"]
     return add_caption(overlay, lines)
 
@@ -83,12 +92,17 @@ def _format_area(measurement: Measurement) -> str:
     return text if len(measurement.leaves) == 1 else f"{len(measurement.leaves)} leaves, {text}"
 
 
-def _number_leaves(measurement: Measurement, scale: Points) -> list[tuple[Points, str]]:
-    """Return the position in the overlay and the text of each leaf's label: its number and area."""
-    labels = []
+def _number_leaves(measurement: Measurement, scale: Points) -> tuple[list[tuple[Points, str]], float]:
+    """Return the position in the overlay and the text of each leaf's label, and the height of the letters.
+
+    A label is the leaf's number and, where there are few leaves, its area.
+    """
+    labels, sides = [], []
+    with_areas = len(measurement.leaves) <= _MAX_AREAS
     for number, leaf in enumerate(measurement.leaves, 1):
         if leaf.outline is not None:
-            text = str(number) if leaf.area_cm2 is None else f"{number}: {leaf.area_cm2:.2f}"
-            middle = (leaf.outline.min(axis=0) + leaf.outline.max(axis=0)) / 2
-            labels.append((middle * scale, text))
-    return labels
+            low, high = leaf.outline.min(axis=0) * scale, leaf.outline.max(axis=0) * scale
+            has_area = with_areas and leaf.area_cm2 is not None
+            labels.append(((low + high) / 2, f"{number}: {leaf.area_cm2:.2f}" if has_area else str(number)))
+            sides.append(float((high - low).min()))
+    return labels, math.inf if with_areas or not sides else _LABEL_SHARE * float(np.median(sides))

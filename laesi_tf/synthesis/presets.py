@@ -75,7 +75,7 @@ _PHONE_LEAVES = {
     )
     for name, (weight, leaf) in LEAF_KINDS.items()
 }
-"""Smaller leaves, with petioles that are longer and thinner, and two kinds that the paper lacks."""
+"""Smaller leaves, with longer and thinner petioles, and a kind that is narrow as grass or needles."""
 _PHONE_LEAVES["linear"] = (
     0.08,
     dataclasses.replace(
@@ -88,19 +88,6 @@ _PHONE_LEAVES["linear"] = (
         holed=Probability(0.0),
     ),
 )
-_PHONE_LEAVES["pinnate"] = (
-    0.07,
-    dataclasses.replace(
-        _PHONE_LEAVES["oak"][1],
-        length_mm=(35.0, 170.0),
-        aspect=(0.4, 1.0),
-        tip_power=(0.35, 0.65),
-        lobes=(2.5, 6.0),
-        lobe_depth=(0.75, 1.0),
-        petiole_width_mm=(0.8, 2.4),
-    ),
-)
-"""Divided nearly or wholly to the midrib, as compound leaves are."""
 PHONE = Ranges(
     leaf=_PHONE_LEAVES,
     surface=SurfaceParams(
@@ -173,7 +160,7 @@ PHONE = Ranges(
         slope=(0.0, 0.3),
         vignette=(0.0, 0.2),
         cast=Probability(0.25),
-        gloss=(0.0, 0.6),
+        gloss=(0.0, 0.9),
         glass=Probability(0.08),
         photographer=Probability(0.25),
         glare=Probability(0.1),

@@ -90,9 +90,14 @@ class SheetCamera:
 
         from laesi_tf.estimators.ruling.camera_ops import measure_scale_error
 
-        arrays = (self.parameters, self.covariance, self.phase_error, self._normalise(point))
         return float(
-            measure_scale_error(*(tf.constant(array, tf.float64) for array in arrays), self.error_params)
+            measure_scale_error(
+                tf.constant(self.parameters, tf.float64),
+                tf.constant(self.covariance, tf.float64),
+                tf.constant(self.phase_error, tf.float64),
+                tf.constant(self._normalise(point), tf.float64),
+                self.error_params,
+            )
         )
 
     def tilt_deg(self) -> float:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache, partial, wraps
+from threading import Lock
 from typing import Any, TypeVar, cast
 
 import tensorflow as tf
@@ -39,6 +40,9 @@ def compile_stage(function: Function) -> Function:
     dataclasses; each of their values is traced by itself.
     """
 
+    # Threads that measure photos must not trace a stage twice.
+    lock = Lock()
+
     # By value, as tf.function would forget a trace with the object that it was made for.
     @lru_cache(_KEPT)
     def compile_for(**params: Any) -> Callable[..., Any]:
@@ -51,6 +55,8 @@ def compile_stage(function: Function) -> Function:
     def call(*tensors: Any, **params: Any) -> Any:
         if _ARE_INLINED.get():
             return function(*tensors, **params)
-        return compile_for(**params)(*tensors)
+        with lock:
+            compiled = compile_for(**params)
+        return compiled(*tensors)
 
     return cast(Function, call)

@@ -1,0 +1,18 @@
+"""Names of the files that `predict` writes into its folder."""
+
+TABLE_FILE = "areas.csv"
+"""One row per leaf."""
+JOURNAL_FILE = "areas.journal"
+"""One line per photo: all that is needed to continue after an interruption, and to write the other files."""
+PROVENANCE_FILE = "areas.provenance.json"
+"""Software, models and settings of the measurements."""
+PAGE_FILE = "report.html"
+"""A summary for people."""
+OVERLAY_SUFFIX = ".overlay.png"
+"""End of the name of each photo's overlay."""
+
+
+def is_result_file(name: str) -> bool:
+    """Return whether a file of this name is one that `predict` writes, rather than a photo."""
+    names = (TABLE_FILE, JOURNAL_FILE, PROVENANCE_FILE, PAGE_FILE)
+    return name in names or name.endswith(OVERLAY_SUFFIX)

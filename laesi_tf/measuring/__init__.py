@@ -1,0 +1,1 @@
+"""Measure the photos of a folder: in threads, with results that survive an interruption."""
