@@ -123,7 +123,8 @@ def _make_parser() -> argparse.ArgumentParser:
         nargs="+",
         choices=_PRECISIONS,
         default=_DEFAULT_PRECISIONS,
-        help="precisions of the LiteRT files; not all hold (default: float32 float16)",
+        help="precisions of the LiteRT files; int8 does not hold for the shipped networks "
+        "(default: float32 float16)",
     )
     parser.add_argument(
         "--scenes",

@@ -92,7 +92,7 @@ def test_refusals_are_the_same(litert: Estimator, ruling_estimator: RulingEstima
 def test_the_pitch_can_be_named_and_so_can_the_scale(photo_file: Path, litert: Estimator) -> None:
     fives, true_cm2 = draw_disk(View(600, 800), levels={5.0: 0.8})
     assert litert.measure(fives, PhotoInfo(grid_mm=5.0)).area_cm2 == pytest.approx(true_cm2, rel=0.02)
-    scanned = load_estimator(photo_file, reads_ruling=False)
+    scanned = load_estimator(photo_file, has_known_scale=True)
     image = photo(2400, 3000)
     expected = disk(2400, 3000).sum() / 12.0**2 / 100
     measured = scanned.measure(image, PhotoInfo(px_per_mm=12.0))
