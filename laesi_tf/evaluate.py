@@ -96,7 +96,7 @@ def _write_tiles(path: Path, estimator: Estimator, scores: Sequence[PhotoScore])
 
 
 def _format_score(score: PhotoScore) -> str:
-    text = f"true {score.photo.area_cm2:.2f}"
+    text = f"true {score.photo.seen_cm2:.2f}"
     if score.predicted_cm2 is not None:
         text += f", predicted {score.predicted_cm2:.2f} cm² ({score.relative_error:+.1f} %)"
     return text if score.iou is None else f"{text}, IoU {score.iou:.3f}"
@@ -105,7 +105,7 @@ def _format_score(score: PhotoScore) -> str:
 def _make_row(score: PhotoScore) -> tuple[object, ...]:
     photo = score.photo
     numbers = (
-        *(photo.area_cm2, score.predicted_cm2, score.uncertainty_cm2),
+        *(photo.seen_cm2, score.predicted_cm2, score.uncertainty_cm2),
         *(score.relative_error, score.scale_error, score.iou, score.pixel_error),
     )
     return (

@@ -4,6 +4,7 @@ import contextlib
 import ctypes
 import gc
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,10 +13,11 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-# Property tests draw new examples on a developer's machine and the same ones in continuous integration.
-settings.register_profile("ci", derandomize=True)
-if os.environ.get("CI"):
-    settings.load_profile("ci")
+# Property tests draw new examples on a developer's machine and the same ones in continuous integration. A
+# busy machine takes as long as it takes: times are no assertions.
+settings.register_profile("developer", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "developer")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -25,6 +27,8 @@ def pytest_configure(config: pytest.Config) -> None:
     and 13 s from the cache, with the same bytes. TensorFlow reads these variables when it is imported; it
     logs each load from the cache as an error.
     """
+    # A shell that starts the tests in the background lets them ignore Ctrl-C, which some of them press.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.pluginmanager.hasplugin("cacheprovider"):
         cache: Path = config.cache.mkdir("xla")  # type: ignore[union-attr]
         os.environ.setdefault("TF_XLA_FLAGS", f"--tf_xla_persistent_cache_directory={cache}")

@@ -20,8 +20,8 @@ def write(tmp_path: Path) -> WriteManifest:
 
 def test_every_column(write: WriteManifest) -> None:
     path = write(
-        "species,image,area_cm2,mask,px_per_mm,grid_mm,split,subset,note\n"
-        "beech,a.png,12.5,masks/a.png,4.5,5,test,easy,whatever\noak,b.png,3,,,,,,\n"
+        "species,image,area_cm2,visible_area_cm2,mask,px_per_mm,grid_mm,split,subset,note\n"
+        "beech,a.png,12.5,11.25,masks/a.png,4.5,5,test,easy,whatever\noak,b.png,3,,,,,,,\n"
     )
     first, second = read_manifest(path)
     assert (first.name, first.image, first.mask) == (
@@ -30,6 +30,8 @@ def test_every_column(write: WriteManifest) -> None:
         path.parent / "masks/a.png",
     )
     assert (first.area_cm2, first.px_per_mm, first.grid_mm) == (12.5, 4.5, 5.0)
+    assert (first.visible_area_cm2, first.seen_cm2) == (11.25, 11.25)
+    assert (second.visible_area_cm2, second.seen_cm2) == (None, 3.0)
     assert (first.split, first.subset, first.species) == ("test", "easy", "beech")
     assert (second.mask, second.px_per_mm, second.grid_mm, second.split) == (None, None, None, None)
 

@@ -1,7 +1,8 @@
 """Read a manifest: a CSV file that lists photos of known leaf area.
 
-Its header is `image,area_cm2` and optionally `mask`, `px_per_mm`, `grid_mm`, `split`, `subset` and `species`;
-other columns are ignored. Paths are relative to the CSV and must not leave its folder.
+Its header is `image,area_cm2` and optionally `visible_area_cm2`, `mask`, `px_per_mm`, `grid_mm`, `split`,
+`subset` and `species`; other columns are ignored. Paths are relative to the CSV and must not leave its
+folder.
 """
 
 import csv
@@ -27,6 +28,8 @@ class Photo:
     """The image's path as the manifest writes it."""
     image: Path
     area_cm2: float
+    visible_area_cm2: float | None = None
+    """The part of the area that nothing covers on the photo, if the manifest says it."""
     mask: Path | None = None
     px_per_mm: float | None = None
     """Scale at the leaf's centroid."""
@@ -35,6 +38,11 @@ class Photo:
     split: str | None = None
     subset: str | None = None
     species: str | None = None
+
+    @property
+    def seen_cm2(self) -> float:
+        """The area that can be measured on the photo: of a leaf that is covered in part, what is visible."""
+        return self.visible_area_cm2 or self.area_cm2
 
 
 def read_manifest(path: Path | str, *, split: str | None = None) -> list[Photo]:
@@ -90,7 +98,7 @@ def _parse_rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:
             yield reader.line_num, _parse_photo(path.parent, cells, where)
 
 
-_NUMBER_COLUMNS = ("area_cm2", "px_per_mm", "grid_mm")
+_NUMBER_COLUMNS = ("area_cm2", "visible_area_cm2", "px_per_mm", "grid_mm")
 
 
 def _use_decimal_point(column: str, value: str) -> str:
@@ -98,13 +106,17 @@ def _use_decimal_point(column: str, value: str) -> str:
 
 
 def _parse_photo(folder: Path, cells: Mapping[str, str], where: str) -> Photo:
+    def parse_optional(column: str) -> float | None:
+        return _parse_positive(cells[column], where, column) if cells.get(column) else None
+
     photo = Photo(
         name=cells["image"],
         image=_resolve_inside(folder, cells["image"], where, "image"),
         area_cm2=_parse_positive(cells["area_cm2"], where, "area_cm2"),
+        visible_area_cm2=parse_optional("visible_area_cm2"),
         mask=_resolve_inside(folder, cells["mask"], where, "mask") if cells.get("mask") else None,
-        px_per_mm=_parse_positive(cells["px_per_mm"], where, "px_per_mm") if cells.get("px_per_mm") else None,
-        grid_mm=_parse_positive(cells["grid_mm"], where, "grid_mm") if cells.get("grid_mm") else None,
+        px_per_mm=parse_optional("px_per_mm"),
+        grid_mm=parse_optional("grid_mm"),
         split=cells.get("split") or None,
         subset=cells.get("subset") or None,
         species=cells.get("species") or None,

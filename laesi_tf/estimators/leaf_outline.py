@@ -27,6 +27,12 @@ from laesi_tf.estimators.sheet_map import SheetMap
 CUT_OFF = "cut off by the photo's border: at least this much"
 TOUCHED = "something other than bare paper touches it: look whether a part is covered or left out"
 
+UNCERTAINTY_SET = (
+    "rendered (split develop, visible areas) and every 8th photo of semi-real's train: 68 and 95 % of the "
+    "areas within one and two standard deviations; 2026-11-29"
+)
+"""What the parameters of uncertainty were set on."""
+
 PlacedMask = tuple[Crop, Mask]
 """A leaf as a mask, bool [h, w], in a crop of the photo."""
 
@@ -59,15 +65,12 @@ class LeafOutlineParams:
     """Standard deviation of a coin's outline from an ellipse, at most."""
     coin_min_aspect: float = parameter(0.75, unit="width over length", set_on="a tilt of 40 degrees")
     """A coin is at least so round; leaflets are longer."""
-    error_sd: float = parameter(
-        0.8,
-        unit="expected errors",
-        set_on="semi-real photos of flat leaves: two thirds of the areas are within one standard deviation; "
-        "2026-11-25",
-    )
+    error_sd: float = parameter(1.0, unit="expected errors", set_on=UNCERTAINTY_SET)
     """Standard deviation of the area per expected misclassified pixel."""
-    edge_sd_px: float = parameter(0.16, unit="pixels of the crop", set_on="as error_sd")
-    """Standard deviation of the position of the whole outline."""
+    edge_sd_px: float = parameter(0.06, unit="pixels of the crop", set_on=UNCERTAINTY_SET)
+    """Standard deviation of the position of the whole outline, from the sampling of pixels."""
+    edge_sd_mm: float = parameter(0.02, unit="mm", set_on=UNCERTAINTY_SET)
+    """The same on the sheet, from margins that curl, shine or lie in shadow."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,7 +83,9 @@ class LeafOutline:
     polygon: Polygon
     """Its outline and holes in photo pixels."""
     area_sd_px: float
-    """Standard deviation of the area in photo pixels."""
+    """Standard deviation of the area in photo pixels, without `edge_sd_mm`."""
+    edge_sd_mm: float
+    """Standard deviation of the position of the outline on the sheet."""
     is_cut_off: bool
     """Whether it reaches the photo's border."""
     is_touched: bool
@@ -108,10 +113,11 @@ class LeafOutline:
         outer, *holes = (sheet_map.to_sheet(ring) for ring in self.polygon.rings)
         shape = measure_polygon(Polygon(outer, tuple(holes)))
         px_per_mm = sheet_map.px_per_mm(self.centroid)
+        area_sd_mm2 = np.hypot(self.area_sd_px / px_per_mm**2, self.edge_sd_mm * shape.perimeter)
         return dataclasses.replace(
             self.without_scale(),
             area_cm2=shape.area / 100,
-            uncertainty_cm2=self.area_sd_px / px_per_mm**2 / 100,
+            uncertainty_cm2=float(area_sd_mm2) / 100,
             px_per_mm=px_per_mm,
             length_mm=shape.length,
             width_mm=shape.width,
@@ -145,6 +151,7 @@ def outline_leaf(candidate: LeafCandidate, size: ImageSize, params: LeafOutlineP
         mask=refined.mask,
         polygon=polygon,
         area_sd_px=float(area_sd * crop.pixel_size.prod()),
+        edge_sd_mm=params.edge_sd_mm,
         is_cut_off=is_cut_off,
         is_touched=is_touched(crop.image, refined.mask, others, network_px, params.surroundings),
     )

@@ -16,7 +16,7 @@ import numpy as np
 from laesi_tf.common.arrays import Mask, Points, RgbImage
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
-from laesi_tf.estimators.leaf_outline import LeafOutline, paint_masks
+from laesi_tf.estimators.leaf_outline import UNCERTAINTY_SET, LeafOutline, paint_masks
 from laesi_tf.estimators.mask_estimator import NO_LEAF, MaskEstimator, MaskEstimatorParams
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
@@ -50,8 +50,11 @@ class RulingEstimatorParams:
     """A leaf lies on the ruled sheet with at least so much of its area."""
     lift_mm: float = parameter(0.2, unit="mm", set_on="thickness of a fresh leaf that lies flat")
     """Height of the leaf's upper side above the paper."""
-    lift_sd_mm: float = parameter(0.3, unit="mm", set_on="rise of a leaf between the points where it touches")
+    lift_sd_mm: float = parameter(0.05, unit="mm", set_on=UNCERTAINTY_SET)
     """Standard deviation of this height, which no photo tells."""
+    softness: float = parameter(4.0, unit="standard deviations", set_on=UNCERTAINTY_SET)
+    """Standard deviation of the area per that which follows from the scale: where lines are hard to place, so
+    are outlines."""
     guess_factor: float = parameter(
         1.4, unit="factor", set_on="rendered (split develop), area network of 2026-11-25; 2026-11-29"
     )
@@ -136,7 +139,7 @@ class RulingEstimator:
         area = leaf.area_cm2
         assert area is not None and leaf.uncertainty_cm2 is not None
         # An area is proportional to the square of its scale, hence the factor of two.
-        scale_sd = 2 * area * camera.scale_error(middle)
+        scale_sd = 2 * area * self.params.softness * camera.scale_error(middle)
         lift_sd = 2 * area * self.params.lift_sd_mm / distance_mm
         uncertainty = math.hypot(leaf.uncertainty_cm2, scale_sd, lift_sd)
         return dataclasses.replace(leaf, uncertainty_cm2=uncertainty)

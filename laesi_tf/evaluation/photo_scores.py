@@ -51,7 +51,7 @@ class PhotoScore:
         """(predicted - true) / true in percent."""
         if self.predicted_cm2 is None:
             return None
-        return 100.0 * (self.predicted_cm2 / self.photo.area_cm2 - 1.0)
+        return 100.0 * (self.predicted_cm2 / self.photo.seen_cm2 - 1.0)
 
     @property
     def is_silent_error(self) -> bool:
@@ -62,7 +62,7 @@ class PhotoScore:
         """Return whether the true area lies within so many standard deviations of the predicted one."""
         if self.predicted_cm2 is None or self.uncertainty_cm2 is None:
             return None
-        return abs(self.predicted_cm2 - self.photo.area_cm2) <= deviations * self.uncertainty_cm2
+        return abs(self.predicted_cm2 - self.photo.seen_cm2) <= deviations * self.uncertainty_cm2
 
 
 def score_photos(estimator: Estimator, photos: Sequence[Photo]) -> list[PhotoScore]:
@@ -99,7 +99,7 @@ def summarise(scores: Sequence[PhotoScore]) -> Summary:
     `n` counts the photos that could be read.
     """
     read = [score for score in scores if score.error is None]
-    areas = [(score.predicted_cm2, score.photo.area_cm2) for score in read if score.predicted_cm2 is not None]
+    areas = [(score.predicted_cm2, score.photo.seen_cm2) for score in read if score.predicted_cm2 is not None]
     predicted, true = np.array(areas, np.float64).reshape(-1, 2).T
     low, high = bootstrap_interval(metrics.relative_errors(predicted, true)) if areas else (None, None)
 

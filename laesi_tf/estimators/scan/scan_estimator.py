@@ -157,6 +157,7 @@ class ScanEstimator:
             mask=found.mask,
             polygon=Polygon(outer, tuple(holes)),
             area_sd_px=float(sd * found.crop.pixel_size.prod()),
+            edge_sd_mm=0.0,  # A lid presses leaves flat.
             is_cut_off=found.touches_border,
             is_touched=False,
         )
