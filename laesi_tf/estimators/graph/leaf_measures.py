@@ -70,7 +70,9 @@ class LeafMeasures(NamedTuple):
 
     area_mm2: tf.Tensor
     area_sd_mm2: tf.Tensor
-    """Standard deviation of the area, of the outline alone."""
+    """Standard deviation of the area, of the network's outline alone."""
+    perimeter_mm: tf.Tensor
+    """Length of the outline."""
     length_mm: tf.Tensor
     width_mm: tf.Tensor
     middle: tf.Tensor
@@ -153,6 +155,7 @@ def measure_leaves(found: Found, sheet: Sheet, params: LeafMeasureParams) -> Lea
     return LeafMeasures(
         area_mm2=area,
         area_sd_mm2=tf.sqrt(variance) * one_px,
+        perimeter_mm=perimeter * tf.sqrt(one_px),
         length_mm=along[:, 0],
         width_mm=along[:, 1],
         middle=middle,

@@ -119,8 +119,11 @@ class PhotoGraph(tf.Module):
         )
         scale_error = tf.where(is_fitted, scale_error, 0.0)
         area = leaves.area_mm2 * lift**2 / 100
-        of_outline = leaves.area_sd_mm2 * lift**2 / 100
-        uncertainty = tf.sqrt(of_outline**2 + (2 * area * scale_error) ** 2 + (2 * area * lift_sd) ** 2)
+        # As of LeafOutline.measure and RulingEstimator.
+        of_edge = params.mask.outline.edge_sd_mm * leaves.perimeter_mm
+        of_outline = (leaves.area_sd_mm2**2 + of_edge**2) * (lift**2 / 100) ** 2
+        of_scale = (2 * area * params.softness * scale_error) ** 2
+        uncertainty = tf.sqrt(of_outline + of_scale + (2 * area * lift_sd) ** 2)
 
         def only(values: tf.Tensor, where: tf.Tensor) -> tf.Tensor:
             return tf.where(where, values, tf.zeros_like(values))
