@@ -1,6 +1,8 @@
-"""Export a training run as a small folder for use elsewhere: float16 weights, configuration and metrics.
+"""Export networks for use elsewhere: LiteRT files for phones, or a run with float16 weights for Keras.
 
-The exported model is loaded again, and both are evaluated on fresh scenes.
+`--format litert` writes the whole measurement, photo in and cm2 out, and the area and mask networks alone, in
+several precisions. Every file is opened again and measured on the same pictures as the estimator that it
+comes from; one that is over 0.5 points worse is not kept, and the exit status is 1.
 """
 
 import argparse
@@ -9,20 +11,40 @@ from pathlib import Path
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.tensorflow_setup import load_tensorflow
+from laesi_tf.cli.tensorflow_setup import load_tensorflow, suppress_stderr
 from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.parsing import positive_int
 from laesi_tf.common.run_files import CONFIG_FILE, EXPORTED_WEIGHTS_FILE
+from laesi_tf.data.manifest import read_manifest
+
+_PRECISIONS = ("float32", "float16", "dynamic", "int8")
+_DEFAULT_PRECISIONS = ("float32", "float16")
+_CALIBRATION_SCENES = 32
 
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError for a run that is missing or a folder that cannot be written."""
     options = _make_parser().parse_args(arguments)
+    if options.format == "keras":
+        _export_keras(options)
+    else:
+        _export_litert(options)
+
+
+def _export_keras(options: argparse.Namespace) -> None:
+    """Write one run with float16 weights and compare it with the original on fresh scenes."""
+    runs = [run for run in (options.run, options.mask_run, options.ruling_run) if run is not None]
+    if len(runs) != 1:
+        raise InputError(
+            "--format keras exports one run; name it with --run (the shipped ones have this format already)"
+        )
     require_writable(options.out / CONFIG_FILE)
     load_tensorflow()
     from laesi_tf.exporting.float16 import compute_test_metrics, export_float16
     from laesi_tf.models.saved_model import load_run
 
-    original = load_run(options.run)
+    original = load_run(runs[0])
     export_float16(original, options.out)
     metrics = {
         "original": compute_test_metrics(original),
@@ -36,10 +58,88 @@ def main(arguments: Sequence[str]) -> None:
         write_json(options.json, {**metrics, "bytes": size})
 
 
+def _export_litert(options: argparse.Namespace) -> None:
+    """Write LiteRT files, a golden photo and a page for app makers, and print the table of scores."""
+    photos = None if options.photos is None else read_manifest(options.photos, split=options.split)
+    require_writable(options.out / "README.md")
+    load_tensorflow()
+    from laesi_tf.estimators.factory import load_run_of
+    from laesi_tf.exporting.app_folder import Networks, export_litert, write_guide
+    from laesi_tf.exporting.litert_check import (
+        HEADER,
+        load_pictures,
+        render_calibration,
+        render_pictures,
+        to_json,
+    )
+    from laesi_tf.models.saved_model import PRETRAINED
+
+    networks = Networks(
+        area=load_run_of("area", options.run or PRETRAINED / "area"),
+        mask=load_run_of("mask", options.mask_run or PRETRAINED / "mask"),
+        ruling=load_run_of("ruling", options.ruling_run or PRETRAINED / "ruling"),
+    )
+    options.out.mkdir(parents=True, exist_ok=True)
+    scenes = render_pictures(options.scenes if photos is None else 1)
+    pictures = scenes if photos is None else load_pictures(photos)
+    calibration = render_calibration(_CALIBRATION_SCENES) if "int8" in options.precision else []
+    scores = []
+    print(f"{len(pictures)} pictures; a file may be 0.5 points worse than its parent, in Keras")
+    print(HEADER)
+    # The converter writes hundreds of lines to stderr.
+    with suppress_stderr():
+        for score in export_litert(
+            networks, options.out, pictures, calibration=calibration, variants=options.precision
+        ):
+            scores.append(score)
+            print(score.as_row(), flush=True)
+        write_guide(options.out, scenes[0])
+    if options.json is not None:
+        write_json(options.json, {"files": to_json(scores), "pictures": len(pictures)})
+    print(f"written: {options.out}")
+    if not all(score.is_kept for score in scores):
+        raise SystemExit(1)
+
+
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("export", __doc__)
-    parser.add_argument("run", type=Path, metavar="RUN", help="run directory that train wrote")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write")
+    parser.add_argument(
+        "--format",
+        choices=("litert", "keras"),
+        default="litert",
+        help="what to write: files for phones, or a run",
+    )
+    for option, what in (
+        ("--run", "area; with --format keras, of any task"),
+        ("--mask-run", "mask"),
+        ("--ruling-run", "ruling"),
+    ):
+        parser.add_argument(
+            option, type=Path, metavar="RUN", help=f"run of task {what} (default: the shipped one)"
+        )
+    parser.add_argument(
+        "--precision",
+        nargs="+",
+        choices=_PRECISIONS,
+        default=_DEFAULT_PRECISIONS,
+        help="precisions of the LiteRT files; int8 does not hold for the shipped networks "
+        "(default: float32 float16)",
+    )
+    parser.add_argument(
+        "--scenes",
+        type=positive_int,
+        default=16,
+        metavar="N",
+        help="rendered scenes that files are measured on",
+    )
+    parser.add_argument(
+        "--photos",
+        type=Path,
+        metavar="CSV",
+        help="measure on the photos of a manifest instead: image,area_cm2,...",
+    )
+    parser.add_argument("--split", help="only this split of the manifest")
     return parser
 
 

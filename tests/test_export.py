@@ -17,6 +17,7 @@ from laesi_tf.training.initialisation import initialise_network
 
 SIMPLE = f"without = {sorted(only('ruling').without)}\n"
 """Ranges with one component, in TOML."""
+KERAS = ["--format", "keras", "--run"]
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def run(tmp_path_factory):
 
 
 def test_an_exported_run_is_small_and_predicts_the_same(run, tmp_path):
-    main([str(run), "--out", str(tmp_path / "small"), "--json", str(tmp_path / "figures.json")])
+    main([*KERAS, str(run), "--out", str(tmp_path / "small"), "--json", str(tmp_path / "figures.json")])
     images = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.float32)
     first, second = (load_run(path).model(images, training=False) for path in (run, tmp_path / "small"))
     np.testing.assert_allclose(first, second, rtol=5e-3, atol=5e-3)
@@ -51,7 +52,7 @@ def test_a_ranges_file_is_exported_too(run, tmp_path, monkeypatch):
     config_files.save_config(trained / CONFIG_FILE, config, {"weights_origin": "none"})
     (trained / RANGES_FILE).write_text(f"lighting_passes = 1\n{SIMPLE}")
     monkeypatch.chdir(tmp_path)
-    main([str(trained), "--out", "small"])
+    main([*KERAS, str(trained), "--out", "small"])
     exported = config_files.load_config(tmp_path / "small" / CONFIG_FILE)
     assert (exported.ranges, exported.textures) == ("ranges.toml", "leaves")
     assert set(compute_test_metrics(load_run("small"))) == {"mre", "median", "p90"}
@@ -67,7 +68,7 @@ def test_nothing_but_an_export_is_overwritten(run, tmp_path):
 
 
 def test_a_broken_export_is_named(run, tmp_path):
-    main([str(run), "--out", str(tmp_path)])
+    main([*KERAS, str(run), "--out", str(tmp_path)])
     whole = (tmp_path / EXPORTED_WEIGHTS_FILE).read_bytes()
     (tmp_path / EXPORTED_WEIGHTS_FILE).write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match=r"weights\.npz is broken"):

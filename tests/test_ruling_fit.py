@@ -14,8 +14,10 @@ from laesi_tf.estimators.ruling import judge
 from laesi_tf.estimators.ruling.least_squares import solve_normal
 from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
+from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 from laesi_tf.estimators.ruling.spectra import build_pyramid
 from laesi_tf.estimators.ruling.stage import compile_stage
+from laesi_tf.estimators.ruling.verdict import is_before_camera
 from laesi_tf.estimators.ruling.votes import VoteParams, collect_votes
 from laesi_tf.models import ruling_cells as cells
 
@@ -156,11 +158,12 @@ def test_squares_whose_harmonics_are_taken_for_lines():
 
 
 def test_a_horizon_in_the_photo_or_a_fit_that_is_not_finite_is_no_sheet():
-    parameters, covariance = np.zeros(14), np.zeros((14, 14))
-    assert judge.is_before_camera(parameters, covariance, (600, 800))
-    assert not judge.is_before_camera(parameters, covariance + np.nan, (600, 800))
+    parameters, covariance = np.zeros(14, np.float32), np.zeros((14, 14), np.float32)
+    size = tf.constant([600.0, 800.0])
+    assert is_before_camera(tf.constant(parameters), tf.constant(covariance), size)
+    assert not is_before_camera(tf.constant(parameters), tf.constant(covariance + np.nan), size)
     parameters[6:8] = 0.7, 0.5
-    assert not judge.is_before_camera(parameters, covariance, (600, 800))
+    assert not is_before_camera(tf.constant(parameters), tf.constant(covariance), size)
 
 
 def test_blur_that_hides_the_finest_lines_is_refused():
@@ -224,3 +227,35 @@ def test_a_stage_is_traced_once_for_each_value_of_its_parameters():
     for sure in (0.5, 0.25, 0.5):
         np.testing.assert_array_equal(scale(ones, params=VoteParams(sure=sure)), sure * ones)
     assert traced == [0.5, 0.25]
+
+
+def test_scale_and_its_error_are_those_of_numerical_derivatives():
+    """A sheet with all terms: tilt, distortion about a centre that is not the middle, and bend."""
+    random = np.random.default_rng(0)
+    deviations = np.array([0.1, 0.1, *[0.05] * 4, *[1e-3] * 2, 1e-3, *[5e-3] * 2, *[1e-3] * 3])
+    parameters = np.array([3, -7, 80, 11, -12, 82, 0.1, -0.2, 0.03, 0.1, -0.05, 0.01, -0.02, 0.015])
+    mixing = np.eye(14) + 0.3 * random.normal(size=(14, 14))
+    covariance = deviations[:, None] * (mixing @ mixing.T) * deviations
+    camera = SheetCamera(parameters, covariance, (600, 800), phase_error=0.02)
+    points = np.array([[100.0, 80.0], [400.0, 300.0], [700.0, 500.0]])
+
+    def numerical_log_density(sheet: np.ndarray, point: np.ndarray) -> float:
+        other = SheetCamera(sheet, covariance, (600, 800))
+        columns = [(other.to_sheet(point + d) - other.to_sheet(point - d)) / 0.02 for d in np.eye(2) * 0.01]
+        return float(np.log(abs(np.linalg.det(np.stack(columns, 1)))))
+
+    for point in points:
+        expected = numerical_log_density(parameters, point)
+        assert np.log(camera.mm2_per_px(point)) == pytest.approx(expected, abs=1e-6)
+        shifts = np.diag(np.sqrt(np.diag(covariance)))
+        sides = [[numerical_log_density(parameters + s * shift, point) for shift in shifts] for s in (1, -1)]
+        gradient = np.subtract(*sides) / (2 * np.diag(shifts))
+        error = np.sqrt(gradient @ covariance @ gradient / 4 + (0.06 * 0.02) ** 2 + 0.0003**2)
+        assert camera.scale_error(point) == pytest.approx(error, rel=1e-3)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.2, 0.4])
+def test_the_tilt_of_a_drawn_sheet(tilt):
+    view = View(tilt=(0.0, tilt))
+    camera = judged(view, read(view, draw_photo(view, FIVES_AND_TENS))).camera
+    assert camera is not None and camera.tilt_deg() == pytest.approx(np.rad2deg(tilt), abs=2.0)

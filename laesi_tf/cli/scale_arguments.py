@@ -52,7 +52,9 @@ def check_scale_options(options: argparse.Namespace) -> None:
     """Raise InputError for an option that would have no effect beside the others."""
     if options.px_per_mm is not None and options.dpi is not None:
         raise InputError("--px-per-mm and --dpi both give the scale; leave out one of them")
-    reads_ruling = options.model is None or options.guess
+    # An exported file says itself whether it reads rulings.
+    is_file = options.model is not None and options.model.suffix == ".tflite"
+    reads_ruling = options.model is None or options.guess or is_file
     if options.grid_mm is not None and not reads_ruling:
         raise InputError(f"--grid-mm has no effect with --model {options.model}, which reads no ruling")
     if not has_known_scale(options):

@@ -61,3 +61,26 @@ def remove_bend(model: SheetModel, x: Any, y: Any) -> tuple[Any, Any]:
     """
     rise = model.bend_xx * x * x + model.bend_xy * x * y + model.bend_yy * y * y
     return x + rise * (x - FOCAL_SQUARED * model.tilt_x), y + rise * (y - FOCAL_SQUARED * model.tilt_y)
+
+
+def line_density(model: SheetModel, x: Any, y: Any) -> Any:
+    """Squares of one period by one period per unit of area at the points: the determinant of `to_lines`.
+
+    Its sign tells whether the sheet is seen from its back. Analytic, as differences of coordinates of a
+    hundred periods have too few digits in float32.
+    """
+    dx, dy = x - model.centre_x, y - model.centre_y
+    stretch = model.k1 * (dx * dx + dy * dy)
+    cross = 2 * model.k1 * dx * dy
+    of_distortion = (1 + stretch + 2 * model.k1 * dx * dx) * (1 + stretch + 2 * model.k1 * dy * dy) - cross**2
+    x, y = x + dx * stretch, y + dy * stretch
+    rise = model.bend_xx * x * x + model.bend_xy * x * y + model.bend_yy * y * y
+    rise_x, rise_y = 2 * model.bend_xx * x + model.bend_xy * y, model.bend_xy * x + 2 * model.bend_yy * y
+    away_x, away_y = x - FOCAL_SQUARED * model.tilt_x, y - FOCAL_SQUARED * model.tilt_y
+    of_bend = (1 + rise + rise_x * away_x) * (1 + rise + rise_y * away_y) - rise_x * rise_y * away_x * away_y
+    x, y = x + rise * away_x, y + rise * away_y
+    depth = 1 + model.tilt_x * x + model.tilt_y * y
+    u, v = (model.ux * x + model.uy * y) / depth, (model.vx * x + model.vy * y) / depth
+    of_tilt = (model.ux - u * model.tilt_x) * (model.vy - v * model.tilt_y)
+    of_tilt = of_tilt - (model.uy - u * model.tilt_y) * (model.vx - v * model.tilt_x)
+    return of_distortion * of_bend * of_tilt / (depth * depth)

@@ -11,6 +11,8 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
+from laesi_tf.estimators.litert_estimator import load_litert_estimator
+from laesi_tf.estimators.litert_file import SUFFIX
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
@@ -48,23 +50,27 @@ def load_estimator(
 
     A name of `_WITHOUT_RUN` in place of a run gives that estimator: `rule_based` is Easy Leaf Area, which
     takes the scale from a red square. A run of task `area` gives the area estimator, a run of task `mask`
-    the mask estimator, which needs a given scale. The ruling estimator takes `mask_run` and `ruling_run` in
-    place of the shipped runs; with `guess`, the area run `run`, or the shipped one, guesses where no ruling
-    is read. With `has_known_scale`, `PhotoInfo.px_per_mm` will be given and no ruling is read: without a run,
-    leaves are found on a plain background by its colour, else by the mask network; with `mask_run`, by that
-    network alone. Raises InputError.
+    the mask estimator, which needs a given scale. A `.tflite` file that `export` wrote measures as it stands.
+
+    The ruling estimator takes `mask_run` and `ruling_run` in place of the shipped runs; with `guess`, the
+    area run `run`, or the shipped one, guesses where no ruling is read. With `has_known_scale`,
+    `PhotoInfo.px_per_mm` will be given and no ruling is read: without a run, leaves are found on a plain
+    background by its colour, else by the mask network; with `mask_run`, by that network alone. Raises
+    InputError.
     """
     if has_known_scale and run is None:
         if mask_run is not None:
-            return _make_mask_estimator(_load_run_of("mask", mask_run))
-        return ScanEstimator(lambda: _make_mask_estimator(_load_run_of("mask", PRETRAINED / "mask")))
-    if run is None or (guess and str(run) not in _WITHOUT_RUN):
+            return _make_mask_estimator(load_run_of("mask", mask_run))
+        return ScanEstimator(lambda: _make_mask_estimator(load_run_of("mask", PRETRAINED / "mask")))
+    if run is None or (guess and str(run) not in _WITHOUT_RUN and Path(run).suffix != SUFFIX):
         return _load_ruling_estimator(run, mask_run=mask_run, ruling_run=ruling_run, guess=guess)
     for option, given in (("--mask-model", mask_run), ("--ruling-model", ruling_run), ("--guess", guess)):
         if given:
             raise InputError(f"{run} measures without {option}; leave out one of them")
     if str(run) in _WITHOUT_RUN:
         return _WITHOUT_RUN[str(run)]()
+    if Path(run).suffix == SUFFIX:
+        return load_litert_estimator(Path(run), reads_ruling=not has_known_scale)
     loaded = load_run(Path(run))
     if loaded.spec.task not in _BY_TASK:
         raise InputError(f"{run} is a model of task {loaded.spec.task}, which measures no photos alone")
@@ -78,9 +84,9 @@ def _load_ruling_estimator(
     ruling_run: Path | str | None,
     guess: bool,
 ) -> RulingEstimator:
-    mask = _load_run_of("mask", mask_run or PRETRAINED / "mask")
+    mask = load_run_of("mask", mask_run or PRETRAINED / "mask")
     reader = load_shipped_reader() if ruling_run is None else _load_reader(ruling_run)
-    guesser = _make_area_estimator(_load_run_of("area", area_run or PRETRAINED / "area")) if guess else None
+    guesser = _make_area_estimator(load_run_of("area", area_run or PRETRAINED / "area")) if guess else None
     return RulingEstimator(_make_mask_estimator(mask), reader, guesser=guesser)
 
 
@@ -91,10 +97,10 @@ def load_shipped_reader() -> SheetReader:
 
 
 def _load_reader(run: Path | str) -> SheetReader:
-    return SheetReader(_load_run_of("ruling", run).model)
+    return SheetReader(load_run_of("ruling", run).model)
 
 
-def _load_run_of(task: str, path: Path | str) -> Run:
+def load_run_of(task: str, path: Path | str) -> Run:
     """Load a run and check its task. Raises InputError."""
     run = load_run(Path(path))
     if run.spec.task != task:

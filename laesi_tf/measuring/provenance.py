@@ -32,7 +32,7 @@ def list_models(
 ) -> dict[str, Path | str]:
     """Return the models that `estimators.factory.load_estimator` loads for these arguments.
 
-    The values are run directories by task, or the name of a method without a network.
+    The values are run directories by task, an exported file, or the name of a method without a network.
     """
     if run is not None and not guess:
         return {"model": run}
@@ -118,7 +118,9 @@ def _digest_code() -> str:
 
 
 def _digest_run(run: Path | str) -> str:
-    """Return a digest of a run's network and configuration; the name of a method as it is."""
+    """Return a digest of a run's network and configuration, or of a file; the name of a method as it is."""
+    if Path(run).is_file():
+        return hashlib.sha256(Path(run).read_bytes()).hexdigest()[:_DIGEST_LETTERS]
     digest, is_run = hashlib.sha256(), False
     for name in (CONFIG_FILE, BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE):
         path = Path(run) / name

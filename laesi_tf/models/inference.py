@@ -29,3 +29,19 @@ def compile_inference(
         return np.concatenate([graph(batch).numpy() for batch in batches])
 
     return predict
+
+
+def freeze_network(network: keras.Model) -> Callable[..., tf.Tensor]:
+    """Return `network` as a function of images with its weights as constants, for a graph to be exported.
+
+    The converter to LiteRT drops the variables of a Keras model in silence.
+    """
+    trainable = [variable.numpy() for variable in network.trainable_variables]
+    others = [variable.numpy() for variable in network.non_trainable_variables]
+
+    def infer(images: tf.Tensor, *, training: bool = False) -> tf.Tensor:
+        del training
+        weights = [[tf.constant(value) for value in values] for values in (trainable, others)]
+        return network.stateless_call(*weights, images, training=False)[0]
+
+    return infer

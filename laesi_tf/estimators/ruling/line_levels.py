@@ -172,7 +172,10 @@ def find_coarser(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
     logs = tf.math.log(tf.maximum(sums.amplitude, sums.error))
     clear = sums.reachable & (sums.amplitude > params.clear * sums.error)
     found = []
-    for row, seen in zip(tf.split(logs, 2, 1), tf.split(clear, 2, 1), strict=True):
+    half = len(rows[0])
+    for first in (0, half):
+        # Slices, as LiteRT does not split truth values.
+        row, seen = (part[:, first : first + half] for part in (logs, clear))
         bends = row[:, :-2] + row[:, 2:] - 2 * row[:, 1:-1]
         found.append(tf.reduce_all(seen) & (tf.reduce_max(tf.abs(bends)) < params.smooth))
     return tf.where(found[0], 10.0, tf.where(found[1], 5.0, 1.0))

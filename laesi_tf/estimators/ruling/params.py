@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 
 from laesi_tf.estimators.parameters import parameter
-from laesi_tf.estimators.ruling.judge import JudgeParams
 from laesi_tf.estimators.ruling.reading import ReadingParams
 from laesi_tf.estimators.ruling.resolution import ResolutionParams
+from laesi_tf.estimators.ruling.verdict import JudgeParams
 
 
 @dataclass(frozen=True, kw_only=True)

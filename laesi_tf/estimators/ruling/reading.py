@@ -96,7 +96,8 @@ def choose_surer(
 def sample_cells(field: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
     """Return `field` [C, C] of the frame's cells at `points` [..., 2] in frame pixels, nearest cell."""
     side = field.shape[0]
-    cell = tf.cast(tf.clip_by_value(points / CELL_PX, 0.0, side - 1.0), tf.int32)
+    # Clipped as integers: a point that is not finite is no index.
+    cell = tf.clip_by_value(tf.cast(points / CELL_PX, tf.int32), 0, side - 1)
     return tf.gather(tf.reshape(field, [-1]), cell[..., 1] * side + cell[..., 0])
 
 

@@ -5,13 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from laesi_tf.common.sheet_model import FOCAL, SheetModel, to_lines
+from laesi_tf.common.sheet_model import FOCAL, SheetModel, line_density, to_lines
 from laesi_tf.estimators.parameters import parameter
 
 _DIFFERENCE = 1e-4
 """Step of numerical derivatives, in half the photo's longer side."""
-_FOCALS = 0.5, 3.0
-"""Focal lengths that are believed: an ultra-wide camera, and a photo cropped to a quarter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,8 +69,10 @@ class SheetCamera:
     def mm2_per_px(self, points: np.ndarray) -> np.ndarray:
         """Return the square millimetres of the sheet under a pixel at photo `points` [..., 2]."""
         unit, _ = self._frame()
-        jacobian = self._jacobian(self.parameters, self._normalise(points)) / unit
-        return np.abs(np.linalg.det(jacobian)) * self.pitch_mm**2 / (self.step[0] * self.step[1])
+        place = self._normalise(points)
+        model = SheetModel(*self.parameters.astype(float))
+        density = np.abs(line_density(model, place[..., 0], place[..., 1])) / unit**2
+        return density * self.pitch_mm**2 / (self.step[0] * self.step[1])
 
     def px_per_mm(self, point: np.ndarray) -> float:
         """Return the scale at a photo `point` [2]: geometric mean over directions."""
@@ -84,39 +84,30 @@ class SheetCamera:
         return focal_px / self.px_per_mm(point)
 
     def scale_error(self, point: np.ndarray) -> float:
-        """Return the relative standard deviation of `px_per_mm` at a photo `point` [2].
+        """Return the relative standard deviation of `px_per_mm` at a photo `point` [2]."""
+        # Commands import this module before they know that TensorFlow is needed.
+        import tensorflow as tf
 
-        The fit's covariance, what paper that is not flat adds, and a floor.
-        """
-        place = self._normalise(np.asarray(point, float))
-        gradient = np.zeros(len(self.parameters))
-        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 0))
-        for index, step in enumerate(deviation):
-            if step > 0:
-                shift = np.eye(len(self.parameters))[index] * step
-                sides = [self._jacobian(self.parameters + sign * shift, place) for sign in (1, -1)]
-                gradient[index] = (np.linalg.slogdet(sides[0])[1] - np.linalg.slogdet(sides[1])[1]) / (
-                    2 * step
-                )
-        of_fit = math.sqrt(max(gradient @ self.covariance @ gradient, 0.0)) / 2
-        return math.hypot(of_fit, self.error_params.waviness * self.phase_error, self.error_params.floor)
+        from laesi_tf.estimators.ruling.camera_ops import measure_scale_error
+
+        return float(
+            measure_scale_error(
+                tf.constant(self.parameters, tf.float64),
+                tf.constant(self.covariance, tf.float64),
+                tf.constant(self.phase_error, tf.float64),
+                tf.constant(self._normalise(point), tf.float64),
+                self.error_params,
+            )
+        )
 
     def tilt_deg(self) -> float:
-        """Return the angle in degrees between the camera's axis and the paper's normal at the photo's middle.
+        """Return the angle in degrees between the camera's axis and the paper's normal at the photo's
+        middle, see `measure_tilt`."""
+        import tensorflow as tf
 
-        Assumes square pixels and the principal point in the middle. There the scales across and along the
-        tilt are as 1 to cos(tilt), and the scale's relative change per pixel is tan(tilt) over the focal
-        length. Where both together say a focal length that cameras have, the ratio is taken; else the change
-        and a typical focal length.
-        """
-        flat = self.parameters.copy()
-        flat[8:] = 0
-        smaller, larger = sorted(np.linalg.svd(self._jacobian(flat, np.zeros(2)), compute_uv=False))
-        change = math.hypot(*self.parameters[6:8]) * 2
-        by_ratio = math.acos(min(1.0, smaller / larger))
-        if _FOCALS[0] * change <= math.tan(by_ratio) <= _FOCALS[1] * change:
-            return math.degrees(by_ratio)
-        return math.degrees(math.atan(FOCAL * change))
+        from laesi_tf.estimators.ruling.camera_ops import measure_tilt
+
+        return float(measure_tilt(tf.constant(self.parameters, tf.float64)))
 
     def _frame(self) -> tuple[float, np.ndarray]:
         height, width = self.size

@@ -209,6 +209,9 @@ def fit_phases(
 ) -> SheetFit:
     """Fit the phases of all windows from `parameters` [COUNT] that their frequencies were fitted with."""
     middles = windows.middles / windows.step
+    # Whole periods mean nothing here, and after a fit of frequencies alone they can be thousands, which would
+    # cost digits.
+    parameters = tf.concat([parameters[:2] - tf.round(parameters[:2]), parameters[2:]], 0)
     priors = tf.constant(np.where(MODELS > 0, params.priors, _FIXED))
     several = tf.tile(parameters[None], [len(MODELS), 1])
     at = parameters

@@ -5,6 +5,7 @@ looked at in full: three quarters of the network's work is there.
 """
 
 import copy
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -41,14 +42,22 @@ class SheetReader:
     def __init__(self, network: keras.Model, params: RulingReaderParams | None = None) -> None:
         """Take a ruling network of any input size, [B, h, w, 3] -> logits."""
         self.params = params or RulingReaderParams()
-        self._network = build_ruling_network()
-        self._network.set_weights(network.get_weights())
+        self._keras_network = build_ruling_network()
+        self._keras_network.set_weights(network.get_weights())
+        self._network: Callable[..., Any] = self._keras_network
         self._ask = compile_stage(self._ask_network)
 
     def with_params(self, params: RulingReaderParams) -> "SheetReader":
         """Return a reader with the same network and other parameters."""
         changed = copy.copy(self)
         changed.params = params
+        return changed
+
+    def with_network(self, change: Callable[[keras.Model], Callable[..., Any]]) -> "SheetReader":
+        """Return a reader whose network is replaced by what `change` makes of it, as for an export."""
+        changed = copy.copy(self)
+        changed._network = change(self._keras_network)
+        changed._ask = compile_stage(changed._ask_network)
         return changed
 
     def read(self, overview: Crop, *, grid_mm: float | None) -> SheetReading:

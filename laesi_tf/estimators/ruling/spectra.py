@@ -156,7 +156,8 @@ def read_power(power: tf.Tensor, frequency: tf.Tensor) -> tf.Tensor:
     column, row = bins[..., 0], bins[..., 1]
     row = tf.where(column < 0, -row, row)
     row = tf.where(row < 0, row + SIDE, row)
-    column = tf.minimum(tf.abs(column), SIDE // 2)
+    # A frequency that is not finite becomes the lowest integer, which has no absolute value.
+    column = tf.clip_by_value(tf.abs(column), 0, SIDE // 2)
     row = tf.clip_by_value(row, 0, SIDE - 1)
     window = tf.reshape(tf.range(count), [count] + [1] * (len(frequency.shape) - 2))
     return tf.gather(tf.reshape(power, [-1]), (window * SIDE + row) * (SIDE // 2 + 1) + column)

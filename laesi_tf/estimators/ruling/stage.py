@@ -5,7 +5,9 @@ takes half a minute before the first photo. Called in sequence, a stage that a p
 nothing; within another graph, as for export, the stages are called like any operation.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import lru_cache, partial, wraps
 from threading import Lock
 from typing import Any, TypeVar, cast
@@ -16,6 +18,19 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _KEPT = 4
 """Values of a stage's parameters whose graphs are kept, so that benchmarks of many do not fill the memory."""
+
+
+_ARE_INLINED: ContextVar[bool] = ContextVar("stages_are_inlined", default=False)
+
+
+@contextmanager
+def inline_stages() -> Iterator[None]:
+    """Make stages part of the graph that is traced inside this context: LiteRT knows no function calls."""
+    token = _ARE_INLINED.set(True)
+    try:
+        yield
+    finally:
+        _ARE_INLINED.reset(token)
 
 
 def compile_stage(function: Function) -> Function:
@@ -38,6 +53,8 @@ def compile_stage(function: Function) -> Function:
 
     @wraps(function)
     def call(*tensors: Any, **params: Any) -> Any:
+        if _ARE_INLINED.get():
+            return function(*tensors, **params)
         with lock:
             compiled = compile_for(**params)
         return compiled(*tensors)

@@ -1,0 +1,1 @@
+"""The whole measurement as one TensorFlow graph of static shapes, which LiteRT can run."""

@@ -1,0 +1,146 @@
+"""Decide whether a reading of a ruling is believed: TensorFlow on scalars, so that an exported graph refuses
+the same photos for the same reasons."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+import tensorflow as tf
+
+from laesi_tf.common.sheet_model import SheetModel
+from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
+from laesi_tf.estimators.ruling.line_levels import FINER
+from laesi_tf.estimators.ruling.reading import Reading
+from laesi_tf.estimators.ruling.sheet_camera import ScaleErrorParams
+
+
+class Refusal(IntEnum):
+    """Why a photo gets no areas; the numbers stand in exported files and are never reused."""
+
+    NONE = 0
+    NO_RULING = 1
+    ONE_DIRECTION = 2
+    NOT_A_SHEET = 3
+    CONTRADICTED = 4
+    FINER_VOTED = 5
+    FINEST_UNCERTAIN = 6
+    PITCH_UNKNOWN = 7
+    NAMED_UNCERTAIN = 8
+    NO_LEAF = 9
+    NO_LEAF_ON_SHEET = 10
+
+
+class PitchNote(IntEnum):
+    """Doubts about what the lines' distance is."""
+
+    NONE = 0
+    TENTH = 1
+    """Every tenth line is heavier: millimetre paper, or tenths of an inch."""
+    FIFTH = 2
+    """Every fifth line is heavier: millimetre paper, or 2 mm paper."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgeParams:
+    """Parameters of the judgement."""
+
+    scale_error: ScaleErrorParams = field(default_factory=ScaleErrorParams)
+    fewest_cells: int = parameter(12, unit="cells", set_on=RENDERED_AND_CASES)
+    """Cells of one level that agree on the period; unruled photos of `cases` have at most 8."""
+    fewest_windows: int = parameter(4, unit="windows", set_on=RENDERED_AND_CASES)
+    """Windows in which both families agree with the fit."""
+    faintest: float = parameter(6.0, unit="power over the noise", set_on=RENDERED_AND_CASES)
+    """Median of a family's waves; lines in one direction give 1 for the other."""
+    worst_phase: float = parameter(0.05, unit="periods", set_on=RENDERED_AND_CASES)
+    """Median distance of the lines from the fit; 0.03 on the worst of the right ones."""
+    rival_share: float = parameter(0.5, unit="share of the votes", set_on=RENDERED_AND_CASES)
+    """Votes for lines that are finer than the fitted by a whole factor, over those for the fitted ones, from
+    which these are not believed."""
+    same_period: float = parameter(0.07, unit="ln of period", set_on=RENDERED_AND_CASES)
+    """Periods that differ by less are the same."""
+    same_pitch: float = parameter(0.2, unit="ln of distance", set_on="printers scale by 3 %, 2026-11-29")
+    """A named distance of lines that prove millimetre paper differs from a millimetre by at most so much."""
+    always_finest_mm: float = parameter(3.0, unit="mm", set_on=RENDERED_AND_CASES)
+    """Squares of a named distance from this on have no heavier lines that can pass for them."""
+    widest_mm: float = parameter(700.0, unit="mm", set_on=RENDERED_AND_CASES)
+    """Photos do not show more of a sheet: A3 with a margin, held at arm's length."""
+
+
+def find_finest_period(reading: Reading) -> tf.Tensor:
+    """Return the frame pixels per period of the finest lines that were found, scalar."""
+    return reading.votes.period_px / reading.finer.factor
+
+
+def votes_for_finer(reading: Reading, params: JudgeParams) -> tf.Tensor:
+    """Return whether many cells vote for lines between those that were fitted, which may not be excluded."""
+    votes, finer = reading.votes, reading.finer
+    orders = np.array(FINER, np.float32) / finer.factor
+    apart = tf.abs(tf.math.log(votes.period_px / votes.rival_px / orders))
+    is_multiple = tf.reduce_any((apart < params.same_period) & ~finer.excluded & (orders > 1))
+    return is_multiple & (votes.rival_share > params.rival_share)
+
+
+def is_before_camera(parameters: tf.Tensor, covariance: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
+    """Return whether the fit is finite and the plane's horizon lies outside a photo of `size` [2], (height,
+    width)."""
+    # Comparisons with NaN are false, and LiteRT has no test for it.
+    is_finite = tf.reduce_all(tf.abs(parameters) < 1e30) & tf.reduce_all(tf.abs(covariance) < 1e30)
+    sheet = SheetModel(*tf.unstack(parameters))
+    down, across = tf.unstack(size / tf.reduce_max(size))
+    return is_finite & (tf.abs(sheet.tilt_x) * across + tf.abs(sheet.tilt_y) * down < 1)
+
+
+def decide_refusal(
+    reading: Reading, size: tf.Tensor, grid_mm: tf.Tensor, *, params: JudgeParams
+) -> tf.Tensor:
+    """Return the first reason in the order of `Refusal` that applies, int32 scalar.
+
+    `size` [2] is the photo's (height, width) in frame pixels; `grid_mm` is the distance of the finest lines
+    where the user names it, else 0.
+    """
+    reading = tf.nest.map_structure(tf.convert_to_tensor, reading)
+    votes, fit, finer, heavier = reading
+    excluded, is_named = finer.excluded, grid_mm > 0
+    weaker, stronger = tf.reduce_min(fit.signal), tf.reduce_max(fit.signal)
+    is_millimetre = heavier.fifth & heavier.tenth
+    # Without heavier fifths and tenths these may be heavier lines themselves.
+    is_plain = ~heavier.fifth & ~heavier.tenth
+    halves = heavier.second & ~heavier.fourth
+    may_exist = tf.stack([halves | ~excluded[1], halves | ~excluded[2]])
+    has_no_finer = finer.factor < 1.5
+    grid = tf.maximum(grid_mm, 1e-3)
+    view_mm = grid * tf.reduce_max(size) * finer.factor / votes.period_px
+    # Lines of which only every fifth or every tenth was seen show a wider view than it seems.
+    may_be_heavier = tf.reduce_any(may_exist & (np.array(FINER[1:], np.float32) * view_mm < params.widest_mm))
+    is_no_sheet = (fit.windows < params.fewest_windows) | (fit.phase_error > params.worst_phase)
+    is_uncertain = may_exist[0] & has_no_finer
+    reasons = [
+        (votes.agreeing_cells < params.fewest_cells, Refusal.NO_RULING),
+        ((weaker < params.faintest) & (stronger < 5 * params.faintest), Refusal.NO_RULING),
+        (weaker < params.faintest, Refusal.ONE_DIRECTION),
+        (is_no_sheet | ~is_before_camera(fit.parameters, fit.covariance, size), Refusal.NOT_A_SHEET),
+        (
+            is_millimetre & is_named & (tf.abs(tf.math.log(grid)) > params.same_pitch),
+            Refusal.CONTRADICTED,
+        ),
+        (~is_millimetre & votes_for_finer(reading, params), Refusal.FINER_VOTED),
+        (is_plain & ~is_named & is_uncertain, Refusal.FINEST_UNCERTAIN),
+        (is_plain & ~is_named, Refusal.PITCH_UNKNOWN),
+        (
+            is_plain & may_be_heavier & has_no_finer & (grid_mm < params.always_finest_mm),
+            Refusal.NAMED_UNCERTAIN,
+        ),
+    ]
+    code = tf.constant(Refusal.NONE, tf.int32)
+    for applies, reason in reversed(reasons):
+        code = tf.where(applies, tf.constant(reason, tf.int32), code)
+    return code
+
+
+def note_pitch(reading: Reading, grid_mm: tf.Tensor) -> tf.Tensor:
+    """Return the `PitchNote`, int32 scalar, of lines whose distance the user names as `grid_mm`, or 0."""
+    heavier = reading.heavier
+    fifth, tenth = tf.convert_to_tensor(heavier.fifth), tf.convert_to_tensor(heavier.tenth)
+    note = tf.where(tenth & ~fifth, int(PitchNote.TENTH), int(PitchNote.NONE))
+    note = tf.where(fifth & ~tenth, int(PitchNote.FIFTH), note)
+    return tf.where(grid_mm > 0, int(PitchNote.NONE), note)
