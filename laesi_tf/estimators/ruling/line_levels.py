@@ -33,6 +33,8 @@ class LevelParams:
     harmonic: float = parameter(20.0, unit="power over its standard error", set_on=RENDERED_AND_CASES)
     """The same for one family's waves at quarters or sixths, from which it is taken to be fitted to a
     harmonic."""
+    fifth_excess: float = parameter(0.22, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
+    """What waves at fifths exceed those at tenths by where every fifth line is heavier, not only tenths."""
     smooth: float = parameter(0.25, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
     """Second differences along the harmonics of lines with nothing between them; 0.05 on drawn squares."""
     highest: float = parameter(0.47, unit="periods per pixel", set_on=RENDERED_AND_CASES)
@@ -207,16 +209,25 @@ def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
     is_quarter = (quarters > params.harmonic) & (fifths < 0.25 * quarters) & wins & (quarters > sixths)
     is_sixth = (sixths > params.harmonic) & (fifths < 0.25 * sixths) & wins & ~is_quarter
     factors = tf.where(is_quarter, 1.25, tf.where(is_sixth, 5 / 6, 1.0))
-    share = tf.reduce_mean(sums.amplitude, 0)
-    tenth_share, fifth_share = (
-        tf.reduce_mean(part) for part in tf.split(share[:9], [len(_TENTHS), len(_FIFTHS)])
-    )
     tenth = there[0]
     return HeavierLines(
         second=there[2] & ~tenth & ~there[1] & ~there[3],
         fourth=there[3] & ~there[1] & ~tenth,
-        fifth=there[1] & (~tenth | (fifth_share > 1.25 * tenth_share)),
+        fifth=there[1] & (~tenth | (_fifths_over_tenths(sums.amplitude) > params.fifth_excess)),
         tenth=tenth,
         strength=strength,
         factors=factors,
     )
+
+
+def _fifths_over_tenths(amplitude: tf.Tensor) -> tf.Tensor:
+    """Return how much the waves at fifths exceed those at odd tenths beside them, mean of the logarithms.
+
+    `amplitude` [2 families, K] begins with those at `_TENTHS`, `_FIFTHS` and `_HALVES`. Lines of which every
+    tenth alone is heavier make waves at all tenths, whose amplitude falls slowly: as much below a fifth as
+    it lies above it.
+    """
+    logs = tf.math.log(tf.reduce_mean(amplitude, 0) + 1e-9)
+    third, seventh, ninth, fifth = logs[0], logs[1], logs[2], logs[9]
+    beside = tf.stack([third + fifth, fifth + seventh, seventh + ninth]) / 2
+    return tf.reduce_mean(logs[5:8] - beside)
