@@ -135,8 +135,8 @@ def test_fragments_and_parts_of_larger_leaves_do_not_count() -> None:
     whole = (soft_disk(40), (300.0, 200.0, 224.0))
     again = (soft_disk(36), (302.0, 198.0, 224.0))
     apart = (soft_disk(30), (700.0, 200.0, 224.0))
-    crumb = (soft_disk(6), (700.0, 600.0, 224.0))
-    found, counts = choose_distinct(make_found(crumb, again, whole, apart), LeafDetectorParams())
+    speck = (soft_disk(6), (700.0, 600.0, 224.0))
+    found, counts = choose_distinct(make_found(speck, again, whole, apart), LeafDetectorParams())
     assert counts.numpy()[:4].tolist() == [True, False, True, False] and not counts.numpy()[4:].any()
     np.testing.assert_allclose(found.square[0], whole[1])
 

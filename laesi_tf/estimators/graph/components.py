@@ -6,7 +6,7 @@ import numpy as np
 import tensorflow as tf
 
 MOST = 16
-"""Components of one mask that are told apart: the largest ones."""
+"""Components of one mask that are kept: the largest ones."""
 _COARSE = 2
 """Labels have so many pixels of the mask per pixel: the mask network's own are four wide."""
 

@@ -7,7 +7,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT, FOCAL, SheetModel, line_density
-from laesi_tf.estimators.ruling.sheet_camera import ScaleErrorParams
+from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
 
 _FOCALS = 0.5, 3.0
 """Focal lengths that are believed: an ultra-wide camera, and a photo cropped to a quarter."""

@@ -11,7 +11,7 @@ from laesi_tf.common.sheet_model import SheetModel
 from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
 from laesi_tf.estimators.ruling.line_levels import FINER
 from laesi_tf.estimators.ruling.reading import Reading
-from laesi_tf.estimators.ruling.sheet_camera import ScaleErrorParams
+from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
 
 
 class Refusal(IntEnum):
