@@ -6,6 +6,7 @@ imports the modules that need TensorFlow, so `--help` and wrong arguments answer
 
 import contextlib
 import os
+import sys
 from collections.abc import Iterator
 
 
@@ -16,12 +17,14 @@ def load_tensorflow(*, quick_compilation: bool = False, is_reproducible: bool = 
     With `is_reproducible`, oneDNN is not used: it changes the seventh digit of a scale from one process
     to the next, and now and then a number in a table.
     """
-    if is_reproducible:
-        os.environ.setdefault("TF_ENABLE_ONEDNN_OPTS", "0")
-    if quick_compilation:
-        os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+    # Where TensorFlow is imported already, variables would only reach processes that start from here.
+    if "tensorflow" not in sys.modules:
+        if is_reproducible:
+            os.environ.setdefault("TF_ENABLE_ONEDNN_OPTS", "0")
+        if quick_compilation:
+            os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     # The level alone does not silence seven lines about oneDNN and CUDA, which C++ code writes to stderr.
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     with suppress_stderr():
         import tensorflow
 

@@ -1,0 +1,27 @@
+"""A LiteRT file of the whole measurement, with a stand-in for the mask network."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+SIZE = (224, 224)
+
+
+def write_photo_file(path: Path) -> None:
+    """Convert the graph in a process of its own: it takes 3 GB, which a worker would keep."""
+    command = f"import litert_files, pathlib; litert_files.convert_photo_file(pathlib.Path({str(path)!r}))"
+    subprocess.run([sys.executable, "-c", command], check=True, cwd=Path(__file__).parent)
+
+
+def convert_photo_file(path: Path) -> None:
+    """Convert the graph here."""
+    from green import mask_network
+
+    from laesi_tf.estimators.factory import load_shipped_reader
+    from laesi_tf.estimators.graph.photo_graph import PhotoGraph
+    from laesi_tf.estimators.litert_file import write_litert_file
+    from laesi_tf.exporting.litert import convert, describe
+
+    graph = PhotoGraph(mask_network(SIZE), load_shipped_reader())
+    model = convert((graph, graph.measure.get_concrete_function()), "float32")
+    write_litert_file(path, model, describe("photo", {}))
