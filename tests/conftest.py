@@ -43,8 +43,10 @@ _TOGETHER = (
     "test_estimators",
     "test_evaluate",
     "test_golden",
+    "test_litert_estimator",
     "test_predict",
     "test_ruling_estimator",
+    "test_ruling_fit",
     "test_sensitivity",
     "test_sheet_reader",
 )
