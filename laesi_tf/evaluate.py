@@ -14,7 +14,7 @@ from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.model_arguments import add_model_arguments, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
-from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
+from laesi_tf.common.atomic_files import require_distinct, require_writable, write_csv, write_json
 from laesi_tf.common.text import round_for_table, sanitise_text
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.estimators.base import Estimator
@@ -44,6 +44,8 @@ def main(arguments: Sequence[str]) -> None:
     options = _make_parser().parse_args(arguments)
     photos = read_manifest(options.photos, split=options.split)
     table, worst = options.out / "photos.csv", options.out / "worst.png"
+    inputs = [options.photos, *(path for photo in photos for path in (photo.image, photo.mask) if path)]
+    require_distinct((table, worst, *([options.json] if options.json else [])), inputs)
     for path in (table, worst):
         require_writable(path)
     load_tensorflow()

@@ -51,7 +51,7 @@ def main(arguments: Sequence[str]) -> None:
     with ResultsFolder(
         options.out, settings, csv=options.csv, json_lines=options.jsonl, again=options.again
     ) as results:
-        tasks = make_tasks(search.photos, results.overlays)
+        tasks = make_tasks(search.photos, results.overlays, foreign=results.list_foreign_files())
         names = SampleNames() if rows is None else match_samples(rows, tasks, options.names)
         todo = results.open(tasks, names.samples, overlay_side=side)
         complete = False
@@ -127,9 +127,7 @@ def _print_summary(results: ResultsFolder, search: PhotoSearch, names: SampleNam
             "(--again measures them anew)"
         )
     if others := results.count_others():
-        lines.append(
-            f"photos of earlier commands that are in the table, too: {others} (--again leaves them out)"
-        )
+        lines.append(f"photos of earlier commands that are in the table, too: {others}")
     if results.kept_copy is not None:
         lines.append(f"the earlier table had been changed; it is kept as {results.kept_copy}")
     if passed_over := search.describe_passed_over():

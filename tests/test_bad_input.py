@@ -7,12 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from green import photo, save_run
 from PIL import Image
 
 from laesi_tf import evaluate, predict
 from laesi_tf.cli.console import run_command
+from laesi_tf.common.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("stand_in_networks")
 
@@ -131,3 +133,20 @@ def test_a_real_process_writes_one_line(leaf: Path, tmp_path: Path) -> None:
     )
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr.startswith("error: ") and len(done.stderr.splitlines()) == 1
+
+
+def test_files_that_a_command_reads_are_not_replaced(tmp_path: Path) -> None:
+    """A flag before the photos takes the first of them; a table may have the name of the manifest."""
+    picture = tmp_path / "leaf.png"
+    Image.fromarray(np.full((40, 40, 3), 200, np.uint8)).save(picture)
+    before = picture.read_bytes()
+    with pytest.raises(InputError, match="is no JSON file"):
+        predict.main(["--json", str(picture), str(picture), "--out", str(tmp_path / "out")])
+    with pytest.raises(InputError, match="is no JSON file"):
+        predict.main([str(picture), "--jsonl", str(picture), "--out", str(tmp_path / "out")])
+    assert picture.read_bytes() == before
+    manifest = tmp_path / "photos.csv"
+    manifest.write_text("image,area_cm2\nleaf.png,3\n", encoding="utf-8")
+    with pytest.raises(InputError, match="this command reads it"):
+        evaluate.main(["--photos", str(manifest), "--out", str(tmp_path)])
+    assert manifest.read_text(encoding="utf-8").startswith("image,area_cm2")

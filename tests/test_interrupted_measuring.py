@@ -69,17 +69,40 @@ def test_changed_and_new_photos_are_measured(
     assert [float(row["area_cm2"]) for row in rows] == [10, 5, 200, 30, 40]
 
 
-def test_again_measures_anew_and_removes_what_was_there(
+def test_again_measures_anew_and_keeps_the_results_of_other_photos(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, MeanLevel())
+    whole = predict(tmp_path / "out", photos)
+    estimator = use(monkeypatch, MeanLevel())
+    rows = predict(tmp_path / "out", photos / "b.png", "--again")
+    assert estimator.calls == 1 and sorted(names(rows)) == names(whole)
+    assert len(list((tmp_path / "out").glob("*.overlay.png"))) == len(whole)
+
+
+def test_again_with_other_settings_removes_what_was_there(
     photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     use(monkeypatch, MeanLevel())
     predict(tmp_path / "out", photos)
-    estimator = use(monkeypatch, MeanLevel())
-    (photos / "a.png").unlink()
-    rows = predict(tmp_path / "out", photos, "--again")
-    assert estimator.calls == 3 and names(rows) == ["b.png", "c.png", "d.png"]
-    overlays = sorted(path.name for path in (tmp_path / "out").glob("*.overlay.png"))
-    assert overlays == ["b.overlay.png", "c.overlay.png", "d.overlay.png"]
+    table = tmp_path / "out" / "areas.csv"
+    table.write_text(table.read_text() + "mine\n")
+    rows = predict(tmp_path / "out", photos / "b.png", "--px-per-mm", 6, "--again")
+    assert names(rows) == ["b.png"]
+    assert [path.name for path in (tmp_path / "out").glob("*.overlay.png")] == ["b.overlay.png"]
+    assert "mine" in (tmp_path / "out" / "areas.edited.csv").read_text()
+
+
+def test_files_of_the_user_stay(photos: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, MeanLevel())
+    mine = photos / "b.overlay.png"
+    mine.write_bytes(b"mine")
+    rows = predict(photos, photos / "b.png")
+    assert mine.read_bytes() == b"mine" and rows[0]["overlay"] == "b-png.overlay.png"
+    for result in ("areas.csv", "areas.journal"):
+        (photos / result).unlink()
+    with pytest.raises(InputError, match=r"report\.html exists"):
+        predict(photos, photos / "b.png")
 
 
 def test_photos_of_earlier_commands_stay_in_the_table(
@@ -89,7 +112,7 @@ def test_photos_of_earlier_commands_stay_in_the_table(
     predict(tmp_path / "out", photos / "c.png")
     rows = predict(tmp_path / "out", photos / "a.png")
     assert names(rows) == ["c.png", "a.png"]
-    assert "photos of earlier commands that are in the table, too: 1 (" in capsys.readouterr().out
+    assert "photos of earlier commands that are in the table, too: 1\n" in capsys.readouterr().out
 
 
 def test_other_settings_are_not_mixed(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

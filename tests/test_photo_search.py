@@ -111,8 +111,8 @@ def test_names_of_overlays_are_unique_short_and_do_not_depend_on_the_others(stem
     for stem in stems:
         photo = FoundPhoto(Path(f"/photos/{'x' * 50}{stem}.jpg"))
         key = str(photo.path)
-        name = _name_overlay(photo, PhotoPage(photo.path), key, owners)
+        name = _name_overlay(photo, PhotoPage(photo.path), key, owners, ())
         assert owners.setdefault(name.lower(), key) == key and len(name.encode()) <= 255
-        assert name == _name_overlay(photo, PhotoPage(photo.path), key, {})
+        assert name == _name_overlay(photo, PhotoPage(photo.path), key, {}, ())
         given_names[stem] = name
     assert len({name.lower() for name in given_names.values()}) == len(stems)

@@ -8,6 +8,9 @@ from laesi_tf.common.atomic_files import require_writable
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.schema import format_default
 
+_JSON_SUFFIXES = (".json", ".jsonl", ".ndjson")
+"""Files that may be replaced; others may be a photo or a list of the user's."""
+
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> None:  # type: ignore[override]
@@ -43,12 +46,17 @@ def make_parser(
 
 
 def output_file(text: str) -> Path:
-    """Parse the path of a file to be written, as an argument's type; its folder must be writable."""
+    """Parse the path of a file to be written, as an argument's type.
+
+    Its folder must be writable, and a file that exists must be JSON by its name.
+    """
     path = Path(text)
     if not path.absolute().parent.is_dir():
         raise argparse.ArgumentTypeError(
             f"cannot write {path}: there is no folder {path.parent}; make it first"
         )
+    if path.is_file() and path.suffix.lower() not in _JSON_SUFFIXES:
+        raise argparse.ArgumentTypeError(f"{path} exists and is no JSON file; name another file")
     try:
         require_writable(path)
     except InputError as error:

@@ -21,7 +21,7 @@ def add_output_arguments(parser: argparse.ArgumentParser, *, csv_formats: Sequen
         help="folder for areas.csv, overlays and report.html",
     )
     parser.add_argument(
-        "--again", action="store_true", help="measure all photos anew and replace what is in the folder"
+        "--again", action="store_true", help="measure all photos anew, also those that have not changed"
     )
     parser.add_argument(
         "--csv",

@@ -5,13 +5,14 @@ imports the modules that need TensorFlow, so `--help` and wrong arguments answer
 """
 
 import contextlib
+import logging
 import os
 import sys
 from collections.abc import Iterator
 
 
 def load_tensorflow(*, quick_compilation: bool = False, is_reproducible: bool = False) -> None:
-    """Import TensorFlow, let it look for GPUs, and hide all messages but warnings.
+    """Import TensorFlow, let it look for GPUs, and hide all messages but errors.
 
     With `quick_compilation`, XLA optimises less: for a few images, compiling takes longer than rendering.
     With `is_reproducible`, oneDNN is not used: it changes the seventh digit of a scale from one process
@@ -25,6 +26,8 @@ def load_tensorflow(*, quick_compilation: bool = False, is_reproducible: bool = 
             os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
         os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     # The level alone does not silence seven lines about oneDNN and CUDA, which C++ code writes to stderr.
+    # Python code of TensorFlow warns on its own, as of graphs that are traced for a further size of photo.
+    logging.getLogger("tensorflow").setLevel(logging.ERROR)
     with suppress_stderr():
         import tensorflow
 

@@ -40,6 +40,14 @@ def atomic_write(path: Path | str) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def require_distinct(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Raise InputError if one of `outputs` is one of the files `inputs`, which would be lost."""
+    read = {path.resolve() for path in inputs}
+    for path in outputs:
+        if path.resolve() in read:
+            raise InputError(f"{path} would be replaced, and this command reads it; choose another --out")
+
+
 def require_writable(path: Path | str) -> None:
     """Raise InputError if `path` cannot be written: called before the work starts, and leaves no trace."""
     path = Path(path)

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 from laesi_tf.common.progress import progress_bar
@@ -29,11 +29,13 @@ class PhotoTask:
     """Name of the overlay's file."""
 
 
-def make_tasks(photos: Sequence[FoundPhoto], taken: Mapping[str, str]) -> list[PhotoTask]:
+def make_tasks(
+    photos: Sequence[FoundPhoto], taken: Mapping[str, str], *, foreign: Container[str] = ()
+) -> list[PhotoTask]:
     """Return the tasks of `photos`, in their order.
 
     `taken` are the names of the overlays of earlier runs by the key of their photo: a photo keeps its own,
-    and gets no name of another.
+    and gets no name of another. `foreign` are names, in lower case, of files that are none of ours.
     """
     owners = {name.lower(): key for key, name in taken.items()}
     tasks = []
@@ -41,13 +43,15 @@ def make_tasks(photos: Sequence[FoundPhoto], taken: Mapping[str, str]) -> list[P
         for page in list_pages(photo.path):
             # Not `resolve`: a link to a photo is a photo of its own.
             key = os.path.abspath(photo.path) + page.ending  # noqa: PTH100
-            overlay = taken.get(key) or _name_overlay(photo, page, key, owners)
+            overlay = taken.get(key) or _name_overlay(photo, page, key, owners, foreign)
             owners[overlay.lower()] = key
             tasks.append(PhotoTask(page, key, read_file_state(photo.path), overlay))
     return tasks
 
 
-def _name_overlay(photo: FoundPhoto, page: PhotoPage, key: str, owners: Mapping[str, str]) -> str:
+def _name_overlay(
+    photo: FoundPhoto, page: PhotoPage, key: str, owners: Mapping[str, str], foreign: Container[str]
+) -> str:
     """Return a name that no other photo has, case ignored.
 
     It is the photo's, with its subfolders before it. Where that is long, or another photo has it, a digest of
@@ -59,7 +63,8 @@ def _name_overlay(photo: FoundPhoto, page: PhotoPage, key: str, owners: Mapping[
         name = f"{name[:_MAX_NAME]}-{_digest(photo.inside + photo.path.name)}"
     candidates = [name, f"{name}-{photo.path.suffix[1:]}", f"{name}-{_digest(key)}"]
     names = [f"{candidate}{ending}{OVERLAY_SUFFIX}" for candidate in candidates]
-    return next((free for free in names if owners.get(free.lower(), key) == key), names[-1])
+    ours = (name for name in names if owners.get(name.lower(), key) == key and name.lower() not in foreign)
+    return next(ours, names[-1])
 
 
 def _digest(text: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from laesi_tf.common.atomic_files import require_writable
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.result_files import JOURNAL_FILE, PROVENANCE_FILE, TABLE_FILE
+from laesi_tf.common.result_files import JOURNAL_FILE, PAGE_FILE, PROVENANCE_FILE, TABLE_FILE
 from laesi_tf.measuring.folder_lock import FolderLock
 from laesi_tf.measuring.journal import Journal, JournalEntry
 from laesi_tf.measuring.photo_tasks import PhotoTask
@@ -33,9 +33,10 @@ class ResultsFolder:
         """Look at what is in `folder`, which need not exist, and change nothing.
 
         `settings` are all that a measurement depends on beside the photo. `csv` names a dialect of
-        `CSV_FORMATS`; `json_lines` is a further table. With `again`, results in the folder are replaced as
-        soon as a photo can be read. Raises InputError if the folder has results that were measured with
-        other settings, or a table of another origin.
+        `CSV_FORMATS`; `json_lines` is a further table. With `again`, all photos are measured: earlier results
+        of the same settings are replaced one by one, those of other settings all together as soon as a photo
+        can be read. Raises InputError if the folder has results that were measured with other settings, or a
+        table of another origin.
         """
         self.folder = folder
         self.table = folder / TABLE_FILE
@@ -52,7 +53,9 @@ class ResultsFolder:
         except InputError:
             self._lock.release()
             raise
-        self._again = again
+        self._measures_all = again
+        self._again = again and self._journal.settings != settings
+        """Whether all that is in the folder is replaced."""
         self._is_open = False
         self._waiting: list[JournalEntry] = []
         """Photos that cannot be read, while no photo could be read: then nothing is written."""
@@ -71,12 +74,18 @@ class ResultsFolder:
             return {}
         return {key: head.overlay for key, head in self._journal.heads.items() if head.overlay is not None}
 
+    def list_foreign_files(self) -> set[str]:
+        """Return the names, in lower case, of the files in a folder that no command has written into."""
+        if os.path.lexists(self.folder / JOURNAL_FILE) or not self.folder.is_dir():
+            return set()
+        return {path.name.lower() for path in self.folder.iterdir()}
+
     def is_measured(self, task: PhotoTask, *, overlay_side: int | None) -> bool:
         """Return whether the photo has not changed since it was measured, and has the overlay that is wanted.
 
         A photo that could not be read is tried again.
         """
-        head = None if self._again else self._journal.heads.get(task.key)
+        head = None if self._measures_all else self._journal.heads.get(task.key)
         if head is None or head.is_unreadable or head.state is None or head.state != task.state:
             return False
         if overlay_side is None:
@@ -162,11 +171,12 @@ class ResultsFolder:
             return Journal(Path(os.devnull) / "none")
         journal = Journal(path)
         if journal.settings is None:
-            if os.path.lexists(self.table):
-                raise InputError(
-                    f"{self.table} exists, and {path.name}, which says where it is from, does not; choose "
-                    "another --out, or replace it with --again"
-                )
+            for existing in (self.table, self.folder / PAGE_FILE):
+                if os.path.lexists(existing):
+                    raise InputError(
+                        f"{existing} exists, and {path.name}, which says where it is from, does not; choose "
+                        "another --out, or replace it with --again"
+                    )
         elif journal.settings != self.settings:
             changes = "; ".join(_describe_changes(journal.settings, self.settings))
             raise InputError(
@@ -177,6 +187,7 @@ class ResultsFolder:
 
     def _start_anew(self) -> None:
         """Write an empty journal and tables; with `again`, delete the overlays of the earlier results."""
+        self.kept_copy = keep_edited_table(self.table, self.folder / PROVENANCE_FILE)
         for head in self._journal.heads.values():
             # Those of photos that are measured again are replaced; the first of them exists already.
             name = head.overlay
