@@ -74,7 +74,12 @@ def check_scale_options(options: argparse.Namespace) -> None:
 
 
 def _dpi(text: str) -> float | str:
-    return OF_FILE if text == OF_FILE else positive_float(text)
+    if text == OF_FILE:
+        return OF_FILE
+    try:
+        return positive_float(text)
+    except argparse.ArgumentTypeError as error:
+        raise argparse.ArgumentTypeError(f"{error}, nor `{OF_FILE}`") from None
 
 
 def _read_task(run: Path) -> str | None:
