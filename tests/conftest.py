@@ -46,7 +46,6 @@ _TOGETHER = (
     "test_litert_estimator",
     "test_predict",
     "test_ruling_estimator",
-    "test_ruling_fit",
     "test_sensitivity",
     "test_sheet_reader",
 )
