@@ -46,7 +46,7 @@ class TestLiteRtEstimator(EstimatorConformance):
         return litert
 
 
-VIEWS = (View(600, 800, tilt=(0.15, -0.1)), View(800, 600, k1=0.03), View(1700, 2000, px_per_mm=12))
+VIEWS = (View(600, 800, tilt=(0.15, -0.1)), View(800, 600, k1=0.03), View(700, 1600, px_per_mm=9))
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=str)
