@@ -6,8 +6,8 @@ from pathlib import Path
 
 from laesi_tf.cli.arguments import output_file
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.result_files import OVERLAY_SIDE_PX
 
-OVERLAY_SIDE_PX = 1600
 _OVERLAY_LIMITS = 200, 20_000
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_float
-from laesi_tf.common.run_files import CONFIG_FILE
+from laesi_tf.common.run_files import CONFIG_FILE, LITERT_SUFFIX
+from laesi_tf.common.units import MM_PER_INCH
 
 OF_FILE = "file"
 """Value of --dpi that takes the resolution in each file's header."""
-_MM_PER_INCH = 25.4
 
 
 def add_scale_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +44,7 @@ def has_known_scale(options: argparse.Namespace) -> bool:
 def scale_px_per_mm(options: argparse.Namespace) -> float | None:
     """Return the scale of all photos; None if it is not given, or that of each file."""
     if isinstance(options.dpi, float):
-        return options.dpi / _MM_PER_INCH
+        return options.dpi / MM_PER_INCH
     return options.px_per_mm
 
 
@@ -53,7 +53,7 @@ def check_scale_options(options: argparse.Namespace) -> None:
     if options.px_per_mm is not None and options.dpi is not None:
         raise InputError("--px-per-mm and --dpi both give the scale; leave out one of them")
     # An exported file says itself whether it reads rulings.
-    is_file = options.model is not None and options.model.suffix == ".tflite"
+    is_file = options.model is not None and options.model.suffix == LITERT_SUFFIX
     reads_ruling = options.model is None or options.guess or is_file
     if options.grid_mm is not None and not reads_ruling:
         raise InputError(f"--grid-mm has no effect with --model {options.model}, which reads no ruling")

@@ -1,4 +1,4 @@
-"""Names of the files that `predict` writes into its folder."""
+"""Names of the files that `predict` writes into its folder, and the size of the overlays among them."""
 
 TABLE_FILE = "areas.csv"
 """One row per leaf."""
@@ -10,6 +10,8 @@ PAGE_FILE = "report.html"
 """A summary for people."""
 OVERLAY_SUFFIX = ".overlay.png"
 """End of the name of each photo's overlay."""
+OVERLAY_SIDE_PX = 1600
+"""Longer side of an overlay: leaf edges are visible, in a fifth of the bytes of a 12-megapixel photo."""
 
 
 def is_result_file(name: str) -> bool:

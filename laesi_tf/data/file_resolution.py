@@ -8,8 +8,6 @@ from PIL import ExifTags, Image
 from laesi_tf.common.errors import InputError
 from laesi_tf.data.decoding import open_header
 
-MM_PER_INCH = 25.4
-
 _DEFAULTS = (72, 96)
 """Dots per inch that programs write without having measured anything."""
 _TOLERANCE = 0.005

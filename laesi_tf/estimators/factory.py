@@ -8,11 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.run_files import LITERT_SUFFIX
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
 from laesi_tf.estimators.litert_estimator import load_litert_estimator
-from laesi_tf.estimators.litert_file import SUFFIX
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
@@ -62,14 +62,14 @@ def load_estimator(
         if mask_run is not None:
             return _make_mask_estimator(load_run_of("mask", mask_run))
         return ScanEstimator(lambda: _make_mask_estimator(load_run_of("mask", PRETRAINED / "mask")))
-    if run is None or (guess and str(run) not in _WITHOUT_RUN and Path(run).suffix != SUFFIX):
+    if run is None or (guess and str(run) not in _WITHOUT_RUN and Path(run).suffix != LITERT_SUFFIX):
         return _load_ruling_estimator(run, mask_run=mask_run, ruling_run=ruling_run, guess=guess)
     for option, given in (("--mask-model", mask_run), ("--ruling-model", ruling_run), ("--guess", guess)):
         if given:
             raise InputError(f"{run} measures without {option}; leave out one of them")
     if str(run) in _WITHOUT_RUN:
         return _WITHOUT_RUN[str(run)]()
-    if Path(run).suffix == SUFFIX:
+    if Path(run).suffix == LITERT_SUFFIX:
         return load_litert_estimator(Path(run), reads_ruling=not has_known_scale)
     loaded = load_run(Path(run))
     if loaded.spec.task not in _BY_TASK:

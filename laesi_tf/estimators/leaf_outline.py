@@ -172,6 +172,11 @@ def looks_like_note(outline: Points, params: LeafOutlineParams) -> bool:
     return cv2.contourArea(points) > params.note_min_fill * sides[0] * sides[1]
 
 
+def looks_made(outline: Points, params: LeafOutlineParams) -> bool:
+    """Return whether `outline` [N, 2] has the shape of a pen or a note rather than of a leaf."""
+    return looks_like_pen(outline, params) or looks_like_note(outline, params)
+
+
 def looks_like_coin(outline: Points, params: LeafOutlineParams) -> bool:
     """Return whether `outline` [N, 2] is an ellipse, as of a coin."""
     if len(outline) < 20:

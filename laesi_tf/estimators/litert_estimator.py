@@ -19,12 +19,11 @@ from laesi_tf.estimators.graph.photo_graph import CUT_OFF as CUT_OFF_FLAG
 from laesi_tf.estimators.leaf_outline import CUT_OFF, PlacedMask, paint_masks
 from laesi_tf.estimators.litert_file import LiteRtRunner, read_litert_file
 from laesi_tf.estimators.mask_estimator import NO_LEAF
-from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
+from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid, put_in_frame
 from laesi_tf.estimators.ruling.judge import NOTES, SENTENCES
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 from laesi_tf.estimators.ruling.verdict import PitchNote, Refusal
 from laesi_tf.estimators.ruling_estimator import NO_LEAF_ON_SHEET, OFF_SHEET
-from laesi_tf.models.ruling_cells import FRAME_PX
 
 METHOD = "LiteRT: ruling x silhouette"
 METHOD_KNOWN_SCALE = "LiteRT: silhouette x given scale"
@@ -53,13 +52,6 @@ class LiteRtEstimator:
             px_per_mm=np.float32(known),
         )
         return _describe(result, image, overview, step, info, is_known=known > 0)
-
-
-def put_in_frame(image: RgbImage) -> RgbImage:
-    """Return `image`, uint8 [h, w, 3], in the upper left corner of a black frame."""
-    frame = np.zeros((FRAME_PX, FRAME_PX, 3), np.uint8)
-    frame[: image.shape[0], : image.shape[1]] = image
-    return frame
 
 
 def _describe(

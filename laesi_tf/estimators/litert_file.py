@@ -20,7 +20,6 @@ from laesi_tf.common.errors import InputError
 
 METADATA_FILE = "laesi.json"
 """The archive's only member."""
-SUFFIX = ".tflite"
 
 
 class LiteRtFile(NamedTuple):

@@ -16,8 +16,7 @@ from laesi_tf.estimators.leaf_outline import (
     LeafOutline,
     LeafOutlineParams,
     looks_like_coin,
-    looks_like_note,
-    looks_like_pen,
+    looks_made,
     outline_leaf,
     paint_masks,
 )
@@ -88,17 +87,11 @@ class MaskEstimator:
         outlined = (outline_leaf(candidate, pyramid.size, params) for candidate in candidates)
         outlines = [outline for outline in outlined if outline is not None]
         if len(outlines) > 1:
-            leaves = [outline for outline in outlines if not _looks_made(outline, params)]
+            leaves = [outline for outline in outlines if not looks_made(outline.polygon.outer, params)]
             outlines = _leave_out_coins(leaves or outlines, params)
         contours = [outline.polygon.outer for outline in outlines]
         boxes = np.array([[contour.min(axis=0), contour.max(axis=0)] for contour in contours])
         return [outlines[index] for index in sort_in_reading_order(boxes.reshape(-1, 2, 2))]
-
-
-def _looks_made(outline: LeafOutline, params: LeafOutlineParams) -> bool:
-    """Return whether an outline has the shape of a pen or a note rather than of a leaf."""
-    contour = outline.polygon.outer
-    return looks_like_pen(contour, params) or looks_like_note(contour, params)
 
 
 def _leave_out_coins(outlines: list[LeafOutline], params: LeafOutlineParams) -> list[LeafOutline]:

@@ -84,6 +84,13 @@ def shrink(crop: Crop, max_side: int) -> Crop:
     return Crop(small, crop.origin, crop.pixel_size * size / [width, height])
 
 
+def put_in_frame(image: RgbImage) -> RgbImage:
+    """Return `image`, uint8 [h, w, 3], in the upper left corner of a black frame."""
+    frame = np.zeros((FRAME_PX, FRAME_PX, 3), np.uint8)
+    frame[: image.shape[0], : image.shape[1]] = image
+    return frame
+
+
 def _crop(crop: Crop, box: Points) -> Crop:
     """Return the pixels of `crop` that `box` [2, 2], in photo pixels, touches."""
     size = crop.size.xy

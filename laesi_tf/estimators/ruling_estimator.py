@@ -9,6 +9,7 @@ import dataclasses
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -59,6 +60,14 @@ class RulingEstimatorParams:
         1.4, unit="factor", set_on="rendered (split develop), area network of 2026-11-25; 2026-11-29"
     )
     """Factor within which two thirds of the area network's areas are."""
+
+    def sheet_variance(self, area: Any, scale_error: Any, distance_mm: Any) -> Any:
+        """Return the variance of `area` by scale and height of the leaf: numbers, or tensors of a graph.
+
+        `scale_error` is relative, `distance_mm` the camera's.
+        """
+        # An area is proportional to the square of its scale, hence the factor of two.
+        return (2 * area) ** 2 * ((self.softness * scale_error) ** 2 + (self.lift_sd_mm / distance_mm) ** 2)
 
 
 class RulingEstimator:
@@ -112,7 +121,9 @@ class RulingEstimator:
         if len(on_sheet) < len(outlines):
             notes.append(OFF_SHEET.format(count=len(outlines) - len(on_sheet)))
         contours = [outline.polygon.outer for outline in outlines]
-        if uncounted := count_uncounted(pyramid, contours, sheet.outline, self.params.uncounted):
+        if uncounted := count_uncounted(
+            pyramid, contours, sheet.outline, self.params.uncounted, self.params.mask.outline
+        ):
             notes.append(UNCOUNTED.format(count=uncounted))
         return Measurement(
             method=METHOD,
@@ -138,10 +149,8 @@ class RulingEstimator:
         leaf = _shrink(outline.measure(camera), max(0.0, 1 - self.params.lift_mm / distance_mm))
         area = leaf.area_cm2
         assert area is not None and leaf.uncertainty_cm2 is not None
-        # An area is proportional to the square of its scale, hence the factor of two.
-        scale_sd = 2 * area * self.params.softness * camera.scale_error(middle)
-        lift_sd = 2 * area * self.params.lift_sd_mm / distance_mm
-        uncertainty = math.hypot(leaf.uncertainty_cm2, scale_sd, lift_sd)
+        of_sheet = self.params.sheet_variance(area, camera.scale_error(middle), distance_mm)
+        uncertainty = math.sqrt(leaf.uncertainty_cm2**2 + of_sheet)
         return dataclasses.replace(leaf, uncertainty_cm2=uncertainty)
 
     def _measure_without_ruling(

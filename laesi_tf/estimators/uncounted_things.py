@@ -5,31 +5,25 @@ well, so colour and shape do not suffice to count a thing as leaf; but they suff
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from laesi_tf.common.arrays import Mask, Points, RgbImage
-from laesi_tf.estimators.leaf_outline import (
-    LeafOutlineParams,
-    looks_like_coin,
-    looks_like_note,
-    looks_like_pen,
-)
+from laesi_tf.common.geometry import to_cv2_points
+from laesi_tf.estimators.leaf_outline import LeafOutlineParams, looks_like_coin, looks_made
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid, shrink
 
 _SET_ON = "rendered (split develop), semi-real and phone scenes with pasted leaves, 2026-11-29"
-_SUBPIXELS = 16
-"""`fillConvexPoly` takes points in sixteenths of a pixel here."""
+_SUBPIXEL_BITS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class UncountedThingsParams:
     """Parameters of the search for things that were not counted."""
 
-    outline: LeafOutlineParams = field(default_factory=LeafOutlineParams)
     side_px: int = parameter(448, unit="pixels", set_on=_SET_ON)
     """Longer side of the image that is searched."""
     sheet_window: float = parameter(0.33, unit="share of the shorter side", set_on=_SET_ON)
@@ -51,29 +45,30 @@ def count_uncounted(
     leaves: Sequence[Points],
     sheet: Points | None,
     params: UncountedThingsParams,
+    shapes: LeafOutlineParams,
 ) -> int:
     """Return how many things on the sheet look like leaves and are none of `leaves`.
 
     `leaves` are outlines [n, 2] and `sheet` is the convex outline [n, 2] of the sheet or None, in photo
-    pixels.
+    pixels. `shapes` tell notes, pens and coins.
     """
     small = shrink(pyramid.overview, params.side_px)
+    outlines = [small.from_photo(leaf) for leaf in leaves]
     counted = np.zeros(small.size, np.uint8)
-    cv2.fillPoly(counted, [np.round(small.from_photo(leaf)).astype(np.int32) for leaf in leaves], 1)
-    least = max(params.min_area_px, params.min_area * _median_area([small.from_photo(one) for one in leaves]))
+    cv2.fillPoly(counted, [to_cv2_points(outline) for outline in outlines], 1)
+    least = max(params.min_area_px, params.min_area * _median_area(outlines))
     near = cv2.dilate(counted, np.ones((7, 7), np.uint8)) > 0
     marked = _mark_leaf_colour(small.image, params)
     if sheet is not None:
         on_sheet = np.zeros(small.size, np.uint8)
-        points = np.round(small.from_photo(sheet) * _SUBPIXELS).astype(np.int32)
-        cv2.fillConvexPoly(on_sheet, points, 1, shift=4)
+        corners = to_cv2_points(small.from_photo(sheet), shift=_SUBPIXEL_BITS)
+        cv2.fillConvexPoly(on_sheet, corners, 1, shift=_SUBPIXEL_BITS)
         marked &= on_sheet > 0
-    count, labels, statistics, _ = cv2.connectedComponentsWithStats(marked.astype(np.uint8))
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(marked.astype(np.uint8))
+    large = np.flatnonzero(statistics[1:, cv2.CC_STAT_AREA] >= least) + 1
+    things = (labels == label for label in large)
     return sum(
-        statistics[label, cv2.CC_STAT_AREA] >= least
-        and near[labels == label].mean() < params.counted_share
-        and not _looks_made(labels == label, params.outline)
-        for label in range(1, count)
+        near[thing].mean() < params.counted_share and not _has_made_shape(thing, shapes) for thing in things
     )
 
 
@@ -84,10 +79,11 @@ def _median_area(outlines: Sequence[Points]) -> float:
 
 def _mark_leaf_colour(image: RgbImage, params: UncountedThingsParams) -> Mask:
     """Return where `image`, uint8 [h, w, 3], differs from the sheet towards the colours of leaves."""
-    lab = cv2.cvtColor(image, cv2.COLOR_RGB2LAB)
+    hues = np.ascontiguousarray(cv2.cvtColor(image, cv2.COLOR_RGB2LAB)[..., 1:])
     side = min(255, int(params.sheet_window * min(image.shape[:2])) | 1)
     # OpenCV's large windows need 8 bits, which CIELAB has here.
-    difference = lab[..., 1:].astype(np.float32) - cv2.medianBlur(lab, side)[..., 1:]
+    sheet = np.dstack([cv2.medianBlur(channel, side) for channel in cv2.split(hues)])
+    difference = hues.astype(np.float32) - sheet
     smooth = cv2.blur(difference, (3, 3))
     chroma = np.hypot(smooth[..., 0], smooth[..., 1])
     hue = np.degrees(np.arctan2(smooth[..., 1], smooth[..., 0]))
@@ -96,9 +92,8 @@ def _mark_leaf_colour(image: RgbImage, params: UncountedThingsParams) -> Mask:
     return cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
 
 
-def _looks_made(thing: Mask, params: LeafOutlineParams) -> bool:
+def _has_made_shape(thing: Mask, shapes: LeafOutlineParams) -> bool:
     """Return whether a thing, bool [h, w], has the shape of a note, a pen or a coin."""
     contours, _ = cv2.findContours(thing.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline: Points = max(contours, key=cv2.contourArea)[:, 0].astype(np.float64)
-    shapes = (looks_like_note, looks_like_pen, looks_like_coin)
-    return any(looks_like(outline, params) for looks_like in shapes)
+    return looks_made(outline, shapes) or looks_like_coin(outline, shapes)

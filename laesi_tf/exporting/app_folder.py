@@ -10,11 +10,11 @@ import numpy as np
 from PIL import Image
 
 from laesi_tf.common.atomic_files import atomic_write, short_sha256, write_json, write_text
-from laesi_tf.common.run_files import BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE
+from laesi_tf.common.run_files import BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE, LITERT_SUFFIX
 from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.litert_estimator import load_litert_estimator
-from laesi_tf.estimators.litert_file import SUFFIX, read_litert_file, write_litert_file
+from laesi_tf.estimators.litert_file import read_litert_file, write_litert_file
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
@@ -66,7 +66,7 @@ def export_litert(
         for variant in wanted:
             size = (networks.area if kind == "area" else networks.mask).spec.size
             images = [letterbox_image(picture.image, size)[0] for picture in calibration]
-            path = out / f"laesi-{kind}-{variant}{SUFFIX}"
+            path = out / f"laesi-{kind}-{variant}{LITERT_SUFFIX}"
             details = describe(kind, origins) | {"variant": variant}
             if kind != "photo":
                 details |= {"input_size": list(size)}
@@ -95,7 +95,7 @@ def write_guide(out: Path, picture: Picture) -> None:
     with atomic_write(out / "golden.png") as temporary:
         Image.fromarray(picture.image).save(temporary, format="PNG")
     expected: dict[str, Any] = {"true_area_cm2": picture.area_cm2}
-    for path in sorted(out.glob(f"*{SUFFIX}")):
+    for path in sorted(out.glob(f"*{LITERT_SUFFIX}")):
         if read_litert_file(path).metadata["kind"] == "mask":
             continue
         measured = load_litert_estimator(path).measure(picture.image, picture.info)

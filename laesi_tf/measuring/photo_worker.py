@@ -14,15 +14,17 @@ import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.result_files import OVERLAY_SIDE_PX
+from laesi_tf.common.units import MM_PER_INCH
 from laesi_tf.data.decoding import decode_photo, read_upright_size
-from laesi_tf.data.file_resolution import MM_PER_INCH, read_dpi
+from laesi_tf.data.file_resolution import read_dpi
 from laesi_tf.estimators.base import UNKNOWN, Estimator, Measurement, PhotoInfo
 from laesi_tf.estimators.mask_estimator import NO_LEAF
 from laesi_tf.measuring.journal import JournalEntry, read_file_state
 from laesi_tf.measuring.photo_tasks import PhotoTask
 from laesi_tf.reporting.leaf_records import LeafRecord, make_records
 from laesi_tf.reporting.measurement_overlay import draw_comparison, draw_measurement
-from laesi_tf.reporting.overlay import OVERLAY_SIDE_PX, write_png
+from laesi_tf.reporting.overlay import write_png
 
 _LARGE_PIXELS = 50_000_000
 """Photos of more pixels are measured one at a time: one of 200 megapixels takes 2 GB."""

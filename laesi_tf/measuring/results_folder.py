@@ -54,7 +54,7 @@ class ResultsFolder:
             self._lock.release()
             raise
         self._measures_all = again
-        self._again = again and self._journal.settings != settings
+        self._replaces_all = again and self._journal.settings != settings
         """Whether all that is in the folder is replaced."""
         self._is_open = False
         self._waiting: list[JournalEntry] = []
@@ -70,7 +70,7 @@ class ResultsFolder:
     @property
     def overlays(self) -> dict[str, str]:
         """Names of the overlays of earlier runs by the key of their photo."""
-        if self._again:
+        if self._replaces_all:
             return {}
         return {key: head.overlay for key, head in self._journal.heads.items() if head.overlay is not None}
 
@@ -104,7 +104,7 @@ class ResultsFolder:
         self._new_overlays = set() if overlay_side is None else {task.overlay for task in tasks}
         todo = [task for task in tasks if not self.is_measured(task, overlay_side=overlay_side)]
         missing = {task.key for task in todo}
-        if not self._again and self._journal.settings is not None:
+        if not self._replaces_all and self._journal.settings is not None:
             self._is_open = True
             self.kept_copy = keep_edited_table(self.table, self.folder / PROVENANCE_FILE)
             self._rewrite_tables([key for key in self._order() if key not in missing])

@@ -6,11 +6,11 @@ import numpy as np
 
 from laesi_tf.common.arrays import Mask, Points, RgbImage
 from laesi_tf.common.geometry import ImageSize, trace_polygons
+from laesi_tf.common.result_files import OVERLAY_SIDE_PX
 from laesi_tf.common.text import sanitise_text
 from laesi_tf.estimators.base import Measurement
 from laesi_tf.reporting.captions import add_caption, draw_labels
 from laesi_tf.reporting.overlay import (
-    OVERLAY_SIDE_PX,
     PREDICTED_COLOUR,
     TRUE_COLOUR,
     draw_grid,

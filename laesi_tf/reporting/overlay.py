@@ -22,8 +22,6 @@ PREDICTED_COLOUR: Colour = (255, 0, 160)
 TRUE_COLOUR: Colour = (0, 120, 255)
 GRID_COLOUR: Colour = (0, 200, 255)
 
-OVERLAY_SIDE_PX = 1600
-"""Longer side of an overlay: leaf edges are visible, in a fifth of the bytes of a 12-megapixel photo."""
 _MAX_LINES = 200
 """Grid lines in each direction."""
 _POINTS_PER_LINE = 33

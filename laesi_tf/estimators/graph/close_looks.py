@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import tensorflow as tf
 
-from laesi_tf.estimators.graph.components import MOST, Components, find_components
+from laesi_tf.estimators.graph.components import MOST, Components, find_components, grow_mask
 from laesi_tf.estimators.graph.crops import Square, cut_square, fit_square
 from laesi_tf.estimators.graph.gloss import fill_gloss
 from laesi_tf.estimators.leaf_candidates import LeafDetectorParams
@@ -236,9 +236,11 @@ def _take_first(
     one, and which are left."""
     index = tf.argmax(tf.cast(accepts, tf.int32), output_type=tf.int32)
     own = components.select(index, mask)
-    leaf = tf.where((_grow(own, 1) > 0) | (probability < params.detector.leaf_probability), probability, 0.0)
+    leaf = tf.where(
+        (grow_mask(own, 1) > 0) | (probability < params.detector.leaf_probability), probability, 0.0
+    )
     left = accepts & (tf.range(MOST) != index)
-    return leaf * _grow(own, params.haze_px), index, tf.reduce_any(accepts), left
+    return leaf * grow_mask(own, params.haze_px), index, tf.reduce_any(accepts), left
 
 
 def _add(found: Found, leaf: tf.Tensor, box: tf.Tensor, square: Square, is_any: tf.Tensor) -> Found:
@@ -252,8 +254,3 @@ def _add(found: Found, leaf: tf.Tensor, box: tf.Tensor, square: Square, is_any: 
     )
     moved = (tf.concat([value[None], old[:-1]], 0) for value, old in zip(new, found, strict=True))
     return Found(*(tf.where(is_any, now, old) for now, old in zip(moved, found, strict=True)))
-
-
-def _grow(mask: tf.Tensor, reach: int) -> tf.Tensor:
-    """Return `mask` [s, s] grown by `reach` pixels on each side."""
-    return tf.nn.max_pool2d(mask[None, ..., None], 2 * reach + 1, 1, "SAME")[0, ..., 0]

@@ -11,6 +11,18 @@ _COARSE = 2
 """Labels have so many pixels of the mask per pixel: the mask network's own are four wide."""
 
 
+def grow_mask(mask: tf.Tensor, reach: int) -> tf.Tensor:
+    """Return `mask` [s, s] grown by `reach` pixels on each side."""
+    return tf.nn.max_pool2d(mask[None, ..., None], 2 * reach + 1, 1, "SAME")[0, ..., 0]
+
+
+def find_ends(flags: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return where the ones of `flags` [..., n], float, begin and end, [...] each: n and 0 without any."""
+    count = flags.shape[-1]
+    places = np.arange(count, dtype=np.float32)
+    return count - tf.reduce_max(flags * (count - places), -1), tf.reduce_max(flags * (places + 1), -1)
+
+
 class Components(NamedTuple):
     """The largest components of a mask, in falling order."""
 
@@ -67,13 +79,6 @@ def find_components(mask: tf.Tensor) -> Components:
     count, best = tf.math.top_k(counts, MOST)
     ids = tf.cast(best, tf.float32)
     own = tf.cast(tf.equal(labels, ids[:, None, None]), tf.float32) * tf.sign(coarse)
-    places = np.arange(side, dtype=np.float32)
-    sides = []
-    for axis in (1, 2):
-        there = tf.reduce_max(own, axis)
-        sides.append(
-            (side - tf.reduce_max(there * (side - places), 1), tf.reduce_max(there * (places + 1), 1))
-        )
-    (left, right), (top, bottom) = sides
+    (left, right), (top, bottom) = (find_ends(tf.reduce_max(own, axis)) for axis in (1, 2))
     boxes = tf.stack([left, top, right, bottom], 1) * _COARSE
     return Components(count, boxes, labels, ids)

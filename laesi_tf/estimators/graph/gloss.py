@@ -5,7 +5,7 @@ The rule and its thresholds are those of `estimators.mask_refinement`.
 
 import tensorflow as tf
 
-from laesi_tf.estimators.graph.components import label_mask
+from laesi_tf.estimators.graph.components import grow_mask, label_mask
 from laesi_tf.estimators.mask_refinement import MaskRefinementParams
 
 _SURE = 0.9
@@ -24,7 +24,7 @@ def fill_gloss(leaf: tf.Tensor, image: tf.Tensor, params: MaskRefinementParams) 
     side = leaf.shape[0]
     indices = tf.reshape(tf.cast(labels, tf.int32), [-1, 1])
     # What is enclosed on four sides but has a neighbour that is not is a bay.
-    beyond = _grow((1 - gaps) * (1 - sure), 1) * gaps
+    beyond = grow_mask((1 - gaps) * (1 - sure), 1) * gaps
     parts = [gaps[..., None], beyond[..., None], image * gaps[..., None], image**2 * gaps[..., None]]
     sums = tf.scatter_nd(indices, tf.reshape(tf.concat(parts, -1), [-1, 8]), [side * side + 1, 8])
     count = tf.maximum(sums[:, 0], 1.0)[:, None]
@@ -53,12 +53,8 @@ def _find_enclosed(mask: tf.Tensor) -> tf.Tensor:
 def _describe_paper(leaf: tf.Tensor, image: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
     """Return mean and standard deviation [3] of the colours of the paper beside a leaf."""
     faint = tf.cast(leaf > _PAPER, tf.float32)
-    weight = (_grow(faint, _PAPER_TO) - _grow(faint, _PAPER_FROM))[..., None]
+    weight = (grow_mask(faint, _PAPER_TO) - grow_mask(faint, _PAPER_FROM))[..., None]
     total = tf.maximum(tf.reduce_sum(weight), 1.0)
     mean = tf.reduce_sum(image * weight, [0, 1]) / total
     variance = tf.reduce_sum(image**2 * weight, [0, 1]) / total - mean**2
     return mean, tf.sqrt(tf.maximum(variance, 0.0))
-
-
-def _grow(mask: tf.Tensor, reach: int) -> tf.Tensor:
-    return tf.nn.max_pool2d(mask[None, ..., None], 2 * reach + 1, 1, "SAME")[0, ..., 0]

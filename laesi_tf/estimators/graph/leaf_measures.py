@@ -9,6 +9,7 @@ import tensorflow as tf
 
 from laesi_tf.common.sheet_model import to_lines
 from laesi_tf.estimators.graph.close_looks import MAX_LEAVES, Found
+from laesi_tf.estimators.graph.components import find_ends
 from laesi_tf.estimators.leaf_candidates import LeafDetectorParams
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.ruling.camera_ops import squares_per_area, unpack_sheet
@@ -126,11 +127,9 @@ def measure_leaves(found: Found, sheet: Sheet, params: LeafMeasureParams) -> Lea
     pixel = tf.maximum(found.square[:, 2], 1e-3)[:, None] / side
     soft = tf.clip_by_value(0.5 + params.edge_gain * (found.leaf - params.edge_level), 0.0, 1.0)
     soft *= tf.cast(found.leaf > 0, tf.float32)
-    blocks = tf.nn.avg_pool2d(soft[..., None], _BLOCK, _BLOCK, "VALID")[..., 0] * _BLOCK**2
-    middles = (np.arange(side // _BLOCK, dtype=np.float32) + 0.5) * _BLOCK
-    points = _to_frame(found.square, side, *np.meshgrid(middles, middles))
+    blocks, points = _average_blocks(found, soft)
     area_px = sheet.mm2_per_px(points) * pixel[..., None] ** 2
-    share = blocks * area_px
+    share = blocks * _BLOCK**2 * area_px
     area = tf.reduce_sum(share, [1, 2])
     weights = (share / tf.maximum(area, 1e-9)[:, None, None])[..., None]
     middle = tf.reduce_sum(points * weights, [1, 2])
@@ -163,6 +162,15 @@ def measure_leaves(found: Found, sheet: Sheet, params: LeafMeasureParams) -> Lea
     )
 
 
+def _average_blocks(found: Found, values: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the means [L, b, b] of `values` [L, s, s] over blocks, and the middles of these [L, b, b, 2] in
+    the frame."""
+    side = found.leaf.shape[1]
+    blocks = tf.nn.avg_pool2d(values[..., None], _BLOCK, _BLOCK, "VALID")[..., 0]
+    middles = (np.arange(side // _BLOCK, dtype=np.float32) + 0.5) * _BLOCK
+    return blocks, _to_frame(found.square, side, *np.meshgrid(middles, middles))
+
+
 def _to_frame(square: tf.Tensor, side: int, x: tf.Tensor, y: tf.Tensor) -> tf.Tensor:
     """Return the frame points [L, ..., 2] of `x` and `y` [...] or [L, ...], pixels of the crops `square`
     [L, 3]."""
@@ -178,19 +186,14 @@ def find_edges(found: Found) -> tuple[tf.Tensor, tf.Tensor]:
     own = tf.cast(found.leaf >= 0.5, tf.float32)
     places = np.arange(side, dtype=np.float32)
     xs, ys, exist = [], [], []
-    for axis in (2, 1):
-        weights = places if axis == 2 else places[:, None]
-        there = tf.reduce_max(own, axis)
-        low, high = (
-            side - tf.reduce_max(own * (side - weights), axis),
-            tf.reduce_max(own * (weights + 1), axis),
-        )
+    for axis, lines in ((2, own), (1, tf.transpose(own, [0, 2, 1]))):
+        low, high = find_ends(lines)
         across = tf.ones_like(low) * (places + 0.5)
         for end in (low, high):
             x, y = (end, across) if axis == 2 else (across, end)
             xs.append(x)
             ys.append(y)
-            exist.append(there > 0)
+            exist.append(high > 0)
     return _to_frame(found.square, side, tf.concat(xs, 1), tf.concat(ys, 1)), tf.concat(exist, 1)
 
 
@@ -209,22 +212,15 @@ def measure_share_on(found: Found, agreement: tf.Tensor, *, least: float, cell_p
 
     The hull is that of 32 directions, at most 0.5 % of its radius too wide.
     """
-    cells = agreement.shape[0]
     turns = 2 * math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     across, down = np.cos(turns).astype(np.float32) * cell_px, np.sin(turns).astype(np.float32) * cell_px
-    places = np.arange(cells, dtype=np.float32)
-    is_ruled = tf.cast(agreement > least, tf.float32)
-    first = cells - tf.reduce_max(is_ruled * (cells - places), 1)
-    last = tf.reduce_max(is_ruled * (places + 1), 1)
+    first, last = find_ends(tf.cast(agreement > least, tf.float32))
+    places = np.arange(agreement.shape[0], dtype=np.float32)
     reach = tf.maximum(first[:, None] * across, last[:, None] * across)
     reach += np.maximum(places[:, None] * down, (places[:, None] + 1) * down)
     limits = tf.reduce_max(tf.where(last[:, None] > 0, reach, -1e9), 0)
     normals = np.stack([across, down]) / cell_px
-    side = found.leaf.shape[1]
-    own = tf.cast(found.leaf >= 0.5, tf.float32)
-    blocks = tf.nn.avg_pool2d(own[..., None], _BLOCK, _BLOCK, "VALID")[..., 0]
-    middles = (np.arange(side // _BLOCK, dtype=np.float32) + 0.5) * _BLOCK
-    points = _to_frame(found.square, side, *np.meshgrid(middles, middles))
+    blocks, points = _average_blocks(found, tf.cast(found.leaf >= 0.5, tf.float32))
     beyond = tf.reduce_max(tf.matmul(tf.reshape(points, [-1, 2]), normals) - limits, -1)
     inside = tf.reshape(tf.cast(beyond <= 0, tf.float32), blocks.shape)
     return tf.reduce_sum(inside * blocks, [1, 2]) / tf.maximum(tf.reduce_sum(blocks, [1, 2]), 1e-9)

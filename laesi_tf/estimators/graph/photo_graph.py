@@ -14,6 +14,7 @@ from laesi_tf.estimators.graph.close_looks import (
     confirm_leaves,
     find_leaves,
 )
+from laesi_tf.estimators.graph.components import find_ends
 from laesi_tf.estimators.graph.crops import make_levels
 from laesi_tf.estimators.graph.leaf_measures import (
     LeafMeasureParams,
@@ -26,7 +27,7 @@ from laesi_tf.estimators.graph.leaf_shapes import choose_leaves
 from laesi_tf.estimators.ruling.camera_ops import measure_scale_error, measure_tilt
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling.stage import inline_stages
-from laesi_tf.estimators.ruling.verdict import Refusal, decide_refusal, note_pitch
+from laesi_tf.estimators.ruling.verdict import Refusal, decide_refusal, find_finest_period, note_pitch
 from laesi_tf.estimators.ruling_estimator import RulingEstimatorParams
 from laesi_tf.models.inference import freeze_network
 from laesi_tf.models.ruling_cells import CELL_PX, FRAME_PX
@@ -109,7 +110,8 @@ class PhotoGraph(tf.Module):
         is_measured = is_leaf & tf.equal(refusal, int(Refusal.NONE))
         leaves = measure_leaves(found, sheet, self.params.measures)
         scale = tf.sqrt(1 / tf.maximum(sheet.mm2_per_px(leaves.middle), 1e-12))
-        lift, lift_sd = self._correct_for_height(scale, size, is_fitted)
+        distance_mm = FOCAL * tf.reduce_max(size) / scale
+        lift = tf.where(is_fitted, tf.maximum(1 - params.lift_mm / distance_mm, 0.0), 1.0)
         scale_error = measure_scale_error(
             parameters,
             covariance,
@@ -117,13 +119,12 @@ class PhotoGraph(tf.Module):
             sheet.normalise(leaves.middle),
             params.ruling.judge.scale_error,
         )
-        scale_error = tf.where(is_fitted, scale_error, 0.0)
         area = leaves.area_mm2 * lift**2 / 100
-        # As of LeafOutline.measure and RulingEstimator.
+        # As of LeafOutline.measure.
         of_edge = params.mask.outline.edge_sd_mm * leaves.perimeter_mm
         of_outline = (leaves.area_sd_mm2**2 + of_edge**2) * (lift**2 / 100) ** 2
-        of_scale = (2 * area * params.softness * scale_error) ** 2
-        uncertainty = tf.sqrt(of_outline + of_scale + (2 * area * lift_sd) ** 2)
+        of_sheet = tf.where(is_fitted, params.sheet_variance(area, scale_error, distance_mm), 0.0)
+        uncertainty = tf.sqrt(of_outline + of_sheet)
 
         def only(values: tf.Tensor, where: tf.Tensor) -> tf.Tensor:
             return tf.where(where, values, tf.zeros_like(values))
@@ -146,7 +147,7 @@ class PhotoGraph(tf.Module):
             "confidence": self._rate_fit(reading, is_fitted),
             "sheet": tf.where(is_fitted, parameters, 0.0),
             "pitch_mm": tf.where(is_fitted, pitch, 0.0),
-            "period_px": reading.votes.period_px / reading.finer.factor,
+            "period_px": find_finest_period(reading),
         }
 
     def _find_leaves(
@@ -168,26 +169,12 @@ class PhotoGraph(tf.Module):
         """
         whole = tf.concat([[0.0, 0.0], tf.reverse(size, [0])], 0)
         is_ruled = tf.cast(agreement > self.params.estimator.ruling.sheet_agreement, tf.float32)
-        cells = agreement.shape[0]
-        places = tf.range(cells, dtype=tf.float32)
-        lows, highs = [], []
-        for axis in (0, 1):
-            there = tf.reduce_max(is_ruled, axis)
-            lows.append((cells - tf.reduce_max(there * (cells - places))) * CELL_PX)
-            highs.append(tf.reduce_max(there * (places + 1)) * CELL_PX)
-        ruled = tf.maximum(tf.minimum(tf.stack([*lows, *highs]), tf.tile(tf.reverse(size, [0]), [2])), 0.0)
+        (left, right), (top, bottom) = (find_ends(tf.reduce_max(is_ruled, axis)) for axis in (0, 1))
+        cells = tf.stack([left, top, right, bottom]) * CELL_PX
+        ruled = tf.maximum(tf.minimum(cells, tf.tile(tf.reverse(size, [0]), [2])), 0.0)
         side = tf.reduce_max(ruled[2:] - ruled[:2])
         is_useful = (side < self.params.looks.ruled_share * tf.reduce_max(size)) & (side > 2 * CELL_PX)
         return tf.stack([whole, tf.where(is_useful, ruled, whole)])
-
-    def _correct_for_height(
-        self, scale: tf.Tensor, size: tf.Tensor, is_fitted: tf.Tensor
-    ) -> tuple[tf.Tensor, tf.Tensor]:
-        """Return the factor [L] of lengths by a leaf's height above the paper, and its relative error."""
-        params = self.params.estimator
-        distance = FOCAL * tf.reduce_max(size) / scale
-        factor = tf.maximum(1 - params.lift_mm / distance, 0.0)
-        return tf.where(is_fitted, factor, 1.0), tf.where(is_fitted, params.lift_sd_mm / distance, 0.0)
 
     def _rate_fit(self, reading: Any, is_fitted: tf.Tensor) -> tf.Tensor:
         """Return how well the printed lines follow the fit: 1 exactly, 0 as badly as is accepted."""

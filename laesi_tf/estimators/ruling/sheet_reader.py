@@ -15,7 +15,7 @@ import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.arrays import Points
-from laesi_tf.estimators.photo_pyramid import Crop
+from laesi_tf.estimators.photo_pyramid import Crop, put_in_frame
 from laesi_tf.estimators.ruling.judge import SheetReading, judge_reading
 from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
@@ -66,12 +66,10 @@ class SheetReader:
         `grid_mm` is the distance of the finest lines where the user names it. The camera maps photo pixels.
         """
         height, width = overview.size
-        frame = np.zeros((FRAME_PX, FRAME_PX, 3), np.uint8)
-        frame[:height, :width] = overview.image
         reading: Reading = tf.nest.map_structure(
             np.asarray,
             self.read_frame(
-                tf.constant(frame),
+                tf.constant(put_in_frame(overview.image)),
                 tf.constant([height, width], tf.float32),
                 used=(_round_up(height), _round_up(width)),
             ),

@@ -7,8 +7,8 @@ from enum import IntEnum
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.common.sheet_model import SheetModel
 from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
+from laesi_tf.estimators.ruling.camera_ops import unpack_sheet
 from laesi_tf.estimators.ruling.line_levels import FINER
 from laesi_tf.estimators.ruling.reading import Reading
 from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
@@ -85,7 +85,7 @@ def is_before_camera(parameters: tf.Tensor, covariance: tf.Tensor, size: tf.Tens
     width)."""
     # Comparisons with NaN are false, and LiteRT has no test for it.
     is_finite = tf.reduce_all(tf.abs(parameters) < 1e30) & tf.reduce_all(tf.abs(covariance) < 1e30)
-    sheet = SheetModel(*tf.unstack(parameters))
+    sheet = unpack_sheet(parameters)
     down, across = tf.unstack(size / tf.reduce_max(size))
     return is_finite & (tf.abs(sheet.tilt_x) * across + tf.abs(sheet.tilt_y) * down < 1)
 

@@ -1,0 +1,3 @@
+"""Units."""
+
+MM_PER_INCH = 25.4
