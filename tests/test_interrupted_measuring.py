@@ -77,7 +77,7 @@ def test_again_measures_anew_and_keeps_the_results_of_other_photos(
     estimator = use(monkeypatch, MeanLevel())
     rows = predict(tmp_path / "out", photos / "b.png", "--again")
     assert estimator.calls == 1 and sorted(names(rows)) == names(whole)
-    assert len(list((tmp_path / "out").glob("*.overlay.png"))) == len(whole)
+    assert len(list((tmp_path / "out").glob("*.overlay.jpg"))) == len(whole)
 
 
 def test_again_with_other_settings_removes_what_was_there(
@@ -89,16 +89,16 @@ def test_again_with_other_settings_removes_what_was_there(
     table.write_text(table.read_text() + "mine\n")
     rows = predict(tmp_path / "out", photos / "b.png", "--px-per-mm", 6, "--again")
     assert names(rows) == ["b.png"]
-    assert [path.name for path in (tmp_path / "out").glob("*.overlay.png")] == ["b.overlay.png"]
+    assert [path.name for path in (tmp_path / "out").glob("*.overlay.jpg")] == ["b.overlay.jpg"]
     assert "mine" in (tmp_path / "out" / "areas.edited.csv").read_text()
 
 
 def test_files_of_the_user_stay(photos: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch, MeanLevel())
-    mine = photos / "b.overlay.png"
+    mine = photos / "b.overlay.jpg"
     mine.write_bytes(b"mine")
     rows = predict(photos, photos / "b.png")
-    assert mine.read_bytes() == b"mine" and rows[0]["overlay"] == "b-png.overlay.png"
+    assert mine.read_bytes() == b"mine" and rows[0]["overlay"] == "b-png.overlay.jpg"
     for result in ("areas.csv", "areas.journal"):
         (photos / result).unlink()
     with pytest.raises(InputError, match=r"report\.html exists"):

@@ -49,7 +49,7 @@ def test_each_page_is_measured_and_named(tmp_path: Path, capsys: pytest.CaptureF
         "scan.tif#3": 50,
     }
     assert [row["overlay"] for row in rows.values()] == [
-        f"scan-page{number}.overlay.png" for number in (1, 2, 3)
+        f"scan-page{number}.overlay.jpg" for number in (1, 2, 3)
     ]
     assert all((tmp_path / "out" / row["overlay"]).is_file() for row in rows.values())
     assert "scan.tif#2" in capsys.readouterr().out

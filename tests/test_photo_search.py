@@ -35,7 +35,7 @@ def test_subfolders_are_searched_on_request_and_named_otherwise(tmp_path: Path) 
 
 
 def test_what_is_passed_over_is_one_line_and_hidden_files_are_silent(tmp_path: Path) -> None:
-    hidden = (".DS_Store", "._a.jpg", "Thumbs.db", "desktop.ini", "areas.csv", "a.overlay.png", ".git/x.jpg")
+    hidden = (".DS_Store", "._a.jpg", "Thumbs.db", "desktop.ini", "areas.csv", "a.overlay.jpg", ".git/x.jpg")
     touch(tmp_path / "a.jpg", *(tmp_path / name for name in hidden))
     assert found(tmp_path) == ["a.jpg"] and not find_photos([str(tmp_path)]).describe_passed_over()
     touch(*(tmp_path / f"{number}.xmp" for number in range(3000)), tmp_path / "README")

@@ -99,7 +99,7 @@ def test_overlays_of_one_name_do_not_replace_each_other(runs: dict[str, Path], t
     ]
     photos.append(save(tmp_path / "1" / "leaf.bmp", 96, 96))
     predict(tmp_path / "out", *photos, "--model", runs["area"])
-    assert len({path.name.lower() for path in (tmp_path / "out").glob("*.overlay.png")}) == 3
+    assert len({path.name.lower() for path in (tmp_path / "out").glob("*.overlay.jpg")}) == 3
 
 
 def test_overlays_are_no_photos_of_the_next_run(runs: dict[str, Path], tmp_path: Path) -> None:
@@ -112,9 +112,10 @@ def test_overlays_are_no_photos_of_the_next_run(runs: dict[str, Path], tmp_path:
 def test_overlay_shows_the_outline_and_is_of_handy_size(runs: dict[str, Path], tmp_path: Path) -> None:
     models = ["--model", runs["area"], "--mask-model", runs["mask"], "--guess"]
     predict(tmp_path / "out", save(tmp_path / "a.png", 1800, 2400), *models)
-    overlay = np.asarray(Image.open(tmp_path / "out" / "a.overlay.png"))
+    overlay = np.asarray(Image.open(tmp_path / "out" / "a.overlay.jpg"))
     assert overlay.shape[1] == 1600 and 1200 < overlay.shape[0] < 1500
-    columns = np.nonzero((overlay == PREDICTED_COLOUR).all(axis=2).any(axis=0))[0]
+    is_outline = np.abs(overlay.astype(int) - PREDICTED_COLOUR).max(axis=2) < 40
+    columns = np.nonzero(is_outline.any(axis=0))[0]
     # A disk of 0.3 of the shorter side in the middle.
     assert (columns.min(), columns.max()) == pytest.approx((800 - 360, 800 + 360), abs=14)
 
@@ -165,14 +166,14 @@ def test_leaves_are_numbered_in_table_summary_and_overlay(
     assert "2 leaves" in printed and "leaf 2" in printed and "leaves measured: 2" in printed
     with (tmp_path / "out" / "areas.csv").open(newline="") as file:
         assert [row["leaf"] for row in csv.DictReader(file)] == ["1", "2"]
-    overlay = np.asarray(Image.open(tmp_path / "out" / "two.overlay.png"))
-    assert (overlay[:700] == 0).all(axis=2).sum() > 50, "no numbers on the leaves"
+    overlay = np.asarray(Image.open(tmp_path / "out" / "two.overlay.jpg"))
+    assert (overlay[:700] < 20).all(axis=2).sum() > 50, "no numbers on the leaves"
 
 
 def test_numbers_have_as_many_digits_as_a_photo_gives() -> None:
     leaf = LeafMeasurement(area_cm2=100 / 3, uncertainty_cm2=1 / 3, px_per_mm=6.123456789012345)
     (record,) = make_records(
-        "a.png", Measurement(method="one", leaves=(leaf,), tilt_deg=1 / 3), "a.overlay.png"
+        "a.png", Measurement(method="one", leaves=(leaf,), tilt_deg=1 / 3), "a.overlay.jpg"
     )
     assert (record.area_cm2, record.px_per_mm, record.tilt_deg) == (33.33, 6.123, 0.3)
     assert record.uncertainty_cm2 == 0.33

@@ -24,7 +24,7 @@ from laesi_tf.measuring.journal import JournalEntry, read_file_state
 from laesi_tf.measuring.photo_tasks import PhotoTask
 from laesi_tf.reporting.leaf_records import LeafRecord, make_records
 from laesi_tf.reporting.measurement_overlay import draw_comparison, draw_measurement
-from laesi_tf.reporting.overlay import write_png
+from laesi_tf.reporting.overlay import write_jpeg
 
 _LARGE_PIXELS = 50_000_000
 """Photos of more pixels are measured one at a time: one of 200 megapixels takes 2 GB."""
@@ -95,7 +95,7 @@ class PhotoWorker:
         if self.overlay_side is None:
             return None
         drawn = draw_measurement(image, measurement, task.page.name, side=self.overlay_side)
-        write_png(self.folder / task.overlay, drawn)
+        write_jpeg(self.folder / task.overlay, drawn)
         return task.overlay
 
 
