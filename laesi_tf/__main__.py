@@ -22,6 +22,7 @@ COMMANDS = (
     "export",
     "similarity",
     "benchmark",
+    "stress",
 )
 
 

@@ -9,10 +9,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.comparison_arguments import (
+    add_method_arguments,
+    add_photo_set_arguments,
+    parse_photo_sets,
+)
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.model_arguments import add_model_arguments, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
-from laesi_tf.common.atomic_files import write_json
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json, write_text
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.hardware import describe_hardware, format_hardware
 from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.data.photo_search import find_photos
@@ -182,6 +189,53 @@ def benchmark_fuzz(arguments: Sequence[str]) -> None:
         raise SystemExit(1)
 
 
+def benchmark_accuracy(arguments: Sequence[str]) -> None:
+    """Measure the same photos with every method: error against speed, as a table and a chart."""
+    parser = make_parser("benchmark accuracy", benchmark_accuracy.__doc__)
+    add_photo_set_arguments(parser)
+    add_method_arguments(parser)
+    parser.add_argument(
+        "--timed", type=positive_int, default=5, metavar="N", help="photos of 12 megapixels to time"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("accuracy"),
+        metavar="DIR",
+        help="folder for speed_accuracy.csv, .md and .png",
+    )
+    options = parser.parse_args(arguments)
+    sets = {
+        name: read_manifest(path, split=split) for name, (path, split) in parse_photo_sets(options).items()
+    }
+    if not sets:
+        raise InputError("name a set of photos of known area with --photos CSV")
+    paths = {suffix: options.out / f"speed_accuracy.{suffix}" for suffix in ("csv", "md", "png")}
+    for path in paths.values():
+        require_writable(path)
+    load_tensorflow()
+    from laesi_tf.benchmarks import accuracy
+    from laesi_tf.benchmarks.methods import list_methods, select_methods
+    from laesi_tf.reporting.accuracy_chart import plot_speed_accuracy, tabulate
+
+    methods = select_methods(list_methods(options.models), options.methods)
+    rows = accuracy.compare_methods(methods, sets, timed=options.timed)
+    by_set = {name: [row for row in rows if row["set"] == name] for name in sets}
+    fronts = {name: accuracy.find_front(rows) for name, rows in by_set.items()}
+    hardware = describe_hardware()
+    lines = [f"{format_hardware(hardware)}; {options.timed} photos timed"]
+    for name, of_set in by_set.items():
+        best = "; ".join(f"{row['method']} ({row['ms']:.0f} ms)" for row in fronts[name])
+        lines += ["", f"**{name}**", "", *tabulate(of_set), "", f"No method is better in both: {best}."]
+    write_csv(paths["csv"], accuracy.COLUMNS, ([row[name] for name in accuracy.COLUMNS] for row in rows))
+    write_text(paths["md"], "\n".join([*lines, ""]))
+    write_figure(paths["png"], plot_speed_accuracy(by_set, fronts), dpi=130)
+    if options.json is not None:
+        write_json(options.json, {"rows": rows, **hardware})
+    print("\n".join(lines))
+    print("written:", ", ".join(map(str, paths.values())))
+
+
 def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, int]) -> None:
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the scenes")
     parser.add_argument(
@@ -195,6 +249,7 @@ BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
     "sensitivity": benchmark_sensitivity,
     "folder": benchmark_folder,
     "fuzz": benchmark_fuzz,
+    "accuracy": benchmark_accuracy,
 }
 
 if __name__ == "__main__":

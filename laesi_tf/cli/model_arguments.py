@@ -10,10 +10,10 @@ def add_model_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model",
         type=Path,
-        metavar="RUN|FILE.tflite|rule_based",
-        help="training run that measures alone, a LiteRT file that export wrote, or Easy Leaf Area's rules, "
-        "which need a red square of 4 cm2 in the photo (default: the mask and the ruling model that "
-        "come with the package)",
+        metavar="RUN|FILE.tflite|NAME",
+        help="training run that measures alone, a LiteRT file that export wrote, rule_based (Easy Leaf "
+        "Area's rules, which need a red square of 4 cm2 in the photo) or excess_green (a colour threshold, "
+        "which needs a given scale) (default: the mask and the ruling model that come with the package)",
     )
     parser.add_argument(
         "--mask-model",

@@ -5,6 +5,7 @@ import math
 import os
 import platform
 import sys
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,11 @@ def describe_hardware() -> dict[str, Any]:
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "tensorflow": metadata.version("tensorflow"),
     }
+
+
+def format_hardware(hardware: Mapping[str, Any]) -> str:
+    """Return what `describe_hardware` found as text."""
+    return "{machine}, {cores} cores, TensorFlow {tensorflow}, {date}".format_map(hardware)
 
 
 def peak_rss_mb() -> float:

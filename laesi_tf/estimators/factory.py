@@ -1,6 +1,6 @@
 """Load the estimator that training runs or the name of a method stand for.
 
-Every estimator is registered here, in `_BY_TASK` or `_WITHOUT_RUN`.
+Every estimator is registered here, in `_BY_TASK` or `WITHOUT_RUN`.
 """
 
 import functools
@@ -11,6 +11,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.run_files import LITERT_SUFFIX
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator
+from laesi_tf.estimators.colour_threshold import ColourThreshold
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
 from laesi_tf.estimators.litert_estimator import load_litert_estimator
 from laesi_tf.estimators.mask_estimator import MaskEstimator
@@ -34,7 +35,10 @@ _BY_TASK: dict[str, Callable[[Run], Estimator]] = {
 }
 """The estimator that a run of each task is alone."""
 
-_WITHOUT_RUN: dict[str, Callable[[], Estimator]] = {"rule_based": EasyLeafArea}
+WITHOUT_RUN: dict[str, Callable[[], Estimator]] = {
+    "rule_based": EasyLeafArea,
+    "excess_green": ColourThreshold,
+}
 """Estimators without a network, by the name that stands in place of a run."""
 
 
@@ -48,9 +52,10 @@ def load_estimator(
 ) -> Estimator:
     """Load the estimator for the training run in folder `run`; without one, the ruling estimator.
 
-    A name of `_WITHOUT_RUN` in place of a run gives that estimator: `rule_based` is Easy Leaf Area, which
-    takes the scale from a red square. A run of task `area` gives the area estimator, a run of task `mask`
-    the mask estimator, which needs a given scale. A `.tflite` file that `export` wrote measures as it stands.
+    A name of `WITHOUT_RUN` in place of a run gives that estimator: `rule_based` is Easy Leaf Area, which
+    takes the scale from a red square, `excess_green` a colour threshold, which needs a given one. A run of
+    task `area` gives the area estimator, a run of task `mask` the mask estimator, which needs a given scale.
+    A `.tflite` file that `export` wrote measures as it stands.
 
     The ruling estimator takes `mask_run` and `ruling_run` in place of the shipped runs; with `guess`, the
     area run `run`, or the shipped one, guesses where no ruling is read. With `has_known_scale`,
@@ -62,13 +67,13 @@ def load_estimator(
         if mask_run is not None:
             return _make_mask_estimator(load_run_of("mask", mask_run))
         return ScanEstimator(lambda: _make_mask_estimator(load_run_of("mask", PRETRAINED / "mask")))
-    if run is None or (guess and str(run) not in _WITHOUT_RUN and Path(run).suffix != LITERT_SUFFIX):
+    if run is None or (guess and str(run) not in WITHOUT_RUN and Path(run).suffix != LITERT_SUFFIX):
         return _load_ruling_estimator(run, mask_run=mask_run, ruling_run=ruling_run, guess=guess)
     for option, given in (("--mask-model", mask_run), ("--ruling-model", ruling_run), ("--guess", guess)):
         if given:
             raise InputError(f"{run} measures without {option}; leave out one of them")
-    if str(run) in _WITHOUT_RUN:
-        return _WITHOUT_RUN[str(run)]()
+    if str(run) in WITHOUT_RUN:
+        return WITHOUT_RUN[str(run)]()
     if Path(run).suffix == LITERT_SUFFIX:
         return load_litert_estimator(Path(run), reads_ruling=not has_known_scale)
     loaded = load_run(Path(run))

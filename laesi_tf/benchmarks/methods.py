@@ -1,0 +1,112 @@
+"""The methods that benchmarks compare: every estimator there is, the shipped networks, and further models."""
+
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.run_files import EXPORTED_WEIGHTS_FILE, LITERT_SUFFIX, METRICS_FILE
+from laesi_tf.estimators.base import Estimator
+from laesi_tf.estimators.factory import WITHOUT_RUN, load_estimator
+from laesi_tf.estimators.reduced_photo import ReducedPhoto
+from laesi_tf.models.saved_model import PRETRAINED
+
+SHIPPED = "ruling x silhouette"
+"""Name of the method that `predict` measures with."""
+WORKING_SIDES_PX = (640, 1024)
+"""Longer sides of the photo at which the shipped method is compared beside its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A way to measure a photo; of plain values, so that another process can load it."""
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Keyword arguments of `load_estimator`, paths as text."""
+    working_px: int | None = None
+    """Longer side of the photo that the estimator sees; None for all pixels."""
+    models: tuple[str, ...] = ()
+    """Run directories and files that it loads."""
+
+    def load(self) -> Estimator:
+        """Load the estimator. Raises InputError."""
+        estimator = load_estimator(**self.options)
+        return estimator if self.working_px is None else ReducedPhoto(estimator, self.working_px)
+
+    @property
+    def needs_scale(self) -> bool:
+        """Whether it measures only photos whose scale is given."""
+        return bool(self.options.get("has_known_scale")) or self.options.get("run") in WITHOUT_RUN
+
+    @functools.cached_property
+    def model_bytes(self) -> int:
+        """Size of its models."""
+        return sum(_count_bytes(Path(model)) for model in self.models)
+
+    @functools.cached_property
+    def training_minutes(self) -> float | None:
+        """Minutes that its networks were trained; 0 without networks, None where a run does not say."""
+        minutes = [_read_minutes(Path(model)) for model in self.models]
+        known = [value for value in minutes if value is not None]
+        return sum(known) if len(known) == len(minutes) else None
+
+
+def list_methods(models: Sequence[Path] = ()) -> list[Method]:
+    """Return all methods: rules, the shipped networks alone and together, and one for each of `models`.
+
+    A model is a training run that measures alone or a file that `export` wrote. Raises InputError for two of
+    one name.
+    """
+    area, mask, ruling = (str(PRETRAINED / task) for task in ("area", "mask", "ruling"))
+    shipped = [
+        Method(name=f"{SHIPPED}, {side} px", working_px=side, models=(mask, ruling))
+        for side in WORKING_SIDES_PX
+    ]
+    methods = [
+        *(Method(name=name, options={"run": name}) for name in WITHOUT_RUN),
+        Method(name="regression", options={"run": area}, models=(area,)),
+        Method(
+            name="silhouette x given scale",
+            options={"mask_run": mask, "has_known_scale": True},
+            models=(mask,),
+        ),
+        *shipped,
+        Method(name=SHIPPED, models=(mask, ruling)),
+        *(Method(name=model.stem, options={"run": str(model)}, models=(str(model),)) for model in models),
+    ]
+    names = [method.name for method in methods]
+    if repeated := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"two models are called {repeated[0]}; rename one of them")
+    return methods
+
+
+def select_methods(methods: Sequence[Method], names: Sequence[str]) -> list[Method]:
+    """Return the methods of these names, all without any. Raises InputError."""
+    known = {method.name: method for method in methods}
+    if unknown := [name for name in names if name not in known]:
+        raise InputError(f"no method is called {unknown[0]!r}; there are {', '.join(known)}")
+    return [known[name] for name in names] or list(methods)
+
+
+def _count_bytes(model: Path) -> int:
+    if model.is_file():
+        return model.stat().st_size
+    weights = model / EXPORTED_WEIGHTS_FILE
+    # Of a run that was not exported, what is needed to measure with it is in its other files, too.
+    return (
+        weights.stat().st_size if weights.is_file() else sum(f.stat().st_size for f in model.glob("*.keras"))
+    )
+
+
+def _read_minutes(model: Path) -> float | None:
+    if model.suffix == LITERT_SUFFIX:
+        return None
+    try:
+        minutes = json.loads((model / METRICS_FILE).read_text(encoding="utf-8")).get("minutes")
+    except (OSError, ValueError):
+        return None
+    return None if minutes is None else float(minutes)

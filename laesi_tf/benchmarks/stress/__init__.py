@@ -1,0 +1,1 @@
+"""Stability: one nuisance at a time from none to absurd, everything else fixed, for every method."""
