@@ -5,7 +5,8 @@ the last bit. One traced graph renders all nuisances and severities.
 """
 
 import dataclasses
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import tensorflow as tf
@@ -96,18 +97,14 @@ class CalmScenes:
 
     def __init__(self, *, seed: int, size: ImageSize) -> None:
         """Take the seed of the leaves and the (height, width) of the pictures."""
-        self._seed, self._size = seed, size
-        self._ranges = load_ranges("phone").without_empty_sheets().with_passes(1)
-        self._render = tf.function(self._render_changed)
+        self._seed, self._render = seed, _trace_renderer(size)
 
     def render(self, index: int, numbers: Numbers) -> StressPhoto:
         """Render a scene in which `numbers` replace those of `CALM`. Raises KeyError for an unknown one."""
         if unknown := set(numbers) - set(CALM):
             raise KeyError(f"no number of a calm scene is called {sorted(unknown)[0]}")
-        values = {**CALM, **numbers}
-        sample = self._render(
-            tf.constant(index, tf.int64), tf.constant([values[name] for name in CALM], tf.float32)
-        )
+        values = list({**CALM, **numbers}.values())
+        sample = self._render(*(tf.constant(number, tf.int64) for number in (self._seed, index)), values)
         return StressPhoto(
             image=sample["image"].numpy(),
             mask=sample["mask"].numpy() > 0,
@@ -115,11 +112,21 @@ class CalmScenes:
             px_per_mm=float(sample["px_per_mm"]),
         )
 
-    def _render_changed(self, index: tf.Tensor, values: tf.Tensor) -> dict[str, tf.Tensor]:
-        scene = sample_scene(self._seed, index, self._ranges)
+
+@functools.cache
+def _trace_renderer(size: ImageSize) -> Callable[..., dict[str, tf.Tensor]]:
+    """Return the graph that renders a scene of (seed, index) with the numbers of CALM, in their order."""
+    ranges = load_ranges("phone").without_empty_sheets().with_passes(1)
+
+    def render(seed: tf.Tensor, index: tf.Tensor, values: tf.Tensor) -> dict[str, tf.Tensor]:
+        scene = sample_scene(seed, index, ranges)
         scene = replace_numbers(scene, dict(zip(CALM, tf.unstack(values), strict=True)))
-        sample = render_scene(scene, self._size)
+        sample = render_scene(scene, size)
         return {name: sample[name] for name in ("image", "mask", "area_cm2", "px_per_mm")}
+
+    number = tf.TensorSpec([], tf.int64)
+    signature = (number, number, tf.TensorSpec([len(CALM)], tf.float32))
+    return tf.function(render, input_signature=signature, autograph=False)
 
 
 def replace_numbers(scene: Scene, numbers: Mapping[str, tf.Tensor]) -> Scene:
