@@ -23,6 +23,7 @@ COMMANDS = (
     "similarity",
     "benchmark",
     "stress",
+    "ablate",
 )
 
 

@@ -11,7 +11,7 @@ from laesi_tf import benchmark
 ROOT = Path(__file__).parents[1]
 WITH_FOLDERS = (
     *("laesi_tf.evaluate", "laesi_tf.predict", "laesi_tf.preview", "laesi_tf.similarity"),
-    "laesi_tf.stress",
+    *("laesi_tf.stress", "laesi_tf.ablate"),
     "experiments.run",
 )
 

@@ -1,0 +1,108 @@
+"""Find out which components of a scene are worth what they cost.
+
+Trains networks on scenes without each component, and on the barest scenes with that one alone, measures them
+on photographs of known area, and sets the change of their errors against the time that the component takes.
+Writes ablation.csv and ablation.png. Run the same command again to continue a run that was stopped.
+"""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.comparison_arguments import add_photo_set_arguments, parse_photo_sets
+from laesi_tf.cli.console import run_command
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.hardware import describe_hardware, format_hardware
+from laesi_tf.common.parsing import image_size, positive_int
+from laesi_tf.data.manifest import read_manifest
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.tasks import TASKS
+
+_COST_REPEATS = 3
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Run the command. Raises InputError."""
+    options = _make_parser().parse_args(arguments)
+    sets = {
+        name: read_manifest(path, split=split) for name, (path, split) in parse_photo_sets(options).items()
+    }
+    if not sets:
+        raise InputError("name a set of photos of known area with --photos CSV")
+    table, chart = options.out / "ablation.csv", options.out / "ablation.png"
+    for path in (table, chart):
+        require_writable(path)
+    recipe: dict[str, Any] = {
+        "size": options.size,
+        "steps": options.steps,
+        "weights": options.weights,
+        "validate_every": options.steps,
+        "checkpoint_every": options.steps,
+        "validation_pictures": options.validation_pictures,
+    }
+    load_tensorflow()
+    from laesi_tf.benchmarks import ablation
+    from laesi_tf.benchmarks.component_cost import measure_component_cost
+    from laesi_tf.reporting.ablation_chart import plot_ablation
+    from laesi_tf.synthesis import load_ranges
+    from laesi_tf.synthesis.presets import enable_all_components
+
+    variants = ablation.list_variants(options.ranges, options.components)
+    runner = ablation.AblationRunner(out=options.out, config=TrainConfig(**recipe), sets=sets)
+    runner.save_settings(recipe | {"ranges": options.ranges, "sets": {n: len(p) for n, p in sets.items()}})
+    complete = enable_all_components(load_ranges(options.ranges)).with_passes(1)
+    costs = measure_component_cost(complete, repeats=_COST_REPEATS, seed=0, size=options.size)
+    rows = ablation.run_ablation(runner, options.tasks, variants, range(options.seeds), costs)
+    write_csv(table, ablation.COLUMNS, ([row[name] for name in ablation.COLUMNS] for row in rows))
+    write_figure(chart, plot_ablation(rows), dpi=130)
+    if options.json is not None:
+        write_json(options.json, {"rows": rows, **recipe, **describe_hardware()})
+    _print_rows(rows)
+    print(format_hardware(describe_hardware()))
+    print("written:", ", ".join(map(str, (table, chart))))
+
+
+def _make_parser() -> argparse.ArgumentParser:
+    parser = make_parser("ablate", __doc__)
+    add_photo_set_arguments(parser)
+    parser.add_argument(
+        "--tasks", nargs="+", choices=tuple(TASKS), default=["mask"], metavar="TASK", help="networks to train"
+    )
+    parser.add_argument("--ranges", default="phone", metavar="PRESET|FILE", help="scenes with all components")
+    parser.add_argument(
+        "--components", nargs="+", default=[], metavar="NAME", help="only these components (default: all)"
+    )
+    parser.add_argument("--seeds", type=positive_int, default=3, metavar="N", help="trainings of each scene")
+    parser.add_argument("--steps", type=positive_int, default=300, metavar="N", help="steps of each training")
+    parser.add_argument(
+        "--size", type=image_size, default=(224, 224), metavar="PX", help="SIDE or HEIGHTxWIDTH of images"
+    )
+    parser.add_argument("--weights", default="auto", metavar="PATH|NAME", help="as for train")
+    parser.add_argument(
+        "--validation-pictures",
+        type=positive_int,
+        default=64,
+        metavar="N",
+        help="fresh scenes that each training ends with; the photographs decide",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("ablation"), metavar="DIR", help="folder of the results"
+    )
+    return parser
+
+
+def _print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
+    print(f"{'':36}{'component':20}{'change':>9}{'value':>10}{'difference':>12}   95 % interval")
+    for row in rows:
+        difference = "" if row["difference"] is None else f"{row['difference']:+.4g}"
+        interval = "" if row["low"] is None else f"[{row['low']:+.4g}, {row['high']:+.4g}]"
+        cells = f"{row['component']:20}{row['change']:>9}{row['value']:>10.4g}{difference:>12}   {interval}"
+        print(f"{', '.join((row['task'], row['set'], row['metric'])):36}{cells}")
+
+
+if __name__ == "__main__":
+    run_command(main)

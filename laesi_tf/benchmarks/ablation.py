@@ -1,0 +1,184 @@
+"""Worth against cost of every component of a scene.
+
+A network is trained on scenes without one component, and on the barest scenes with that one alone; both are
+compared, seed by seed, with networks trained on all components and on none. Errors are those on photographs,
+where components are meant to help, with all else as in `evaluate`.
+"""
+
+import dataclasses
+import json
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import keras
+import numpy as np
+
+from laesi_tf.benchmarks.timing import MedianIqr
+from laesi_tf.common.atomic_files import read_json, write_json, write_text
+from laesi_tf.common.errors import InputError
+from laesi_tf.common.progress import progress_bar
+from laesi_tf.data.manifest import Photo
+from laesi_tf.estimators.base import Estimator
+from laesi_tf.estimators.factory import load_estimator
+from laesi_tf.evaluation.photo_scores import score_photos, summarise
+from laesi_tf.synthesis import Ranges, load_ranges
+from laesi_tf.synthesis.ranges_toml import ranges_to_toml
+from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.loop import fit
+
+ALL, BARE = "all components", "no component"
+_RANGES_FILE, _SCORES_FILE, _SETTINGS_FILE = "scene.toml", "scores.json", "ablation.json"
+
+COLUMNS = (
+    *("task", "component", "change", "seeds", "set", "metric", "value", "difference", "low", "high", "us"),
+)
+"""Columns of ablation.csv."""
+Row = dict[str, Any]
+"""One component, changed one way, for one task, set and metric, by COLUMNS."""
+
+_METRICS = {"area": ("mre",), "mask": ("mre", "miou"), "ruling": ("scale_median", "refused_share")}
+"""What the photos say about a network of each task: percent, a fraction, percent and a fraction."""
+_ESTIMATORS: Mapping[str, Callable[[Path], Estimator]] = {
+    "area": lambda run: load_estimator(run),
+    "mask": lambda run: load_estimator(mask_run=run, has_known_scale=True),
+    "ruling": lambda run: load_estimator(ruling_run=run),
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Scenes with some components left out."""
+
+    component: str
+    """The component that is removed or alone; ALL or BARE for the two references."""
+    change: str
+    """`without`, `only`, or empty for the references."""
+    ranges: Ranges
+
+    @property
+    def folder(self) -> str:
+        """Name of its folder."""
+        return f"{self.change}-{self.component}".strip("-").replace(" ", "-")
+
+    @property
+    def reference(self) -> str:
+        """What it is compared with."""
+        return ALL if self.change == "without" else BARE
+
+
+def list_variants(ranges: str, components: Sequence[str] = ()) -> list[Variant]:
+    """Return the variants of a preset or file: all, none, and each component removed and alone.
+
+    With `components`, only these; raises InputError for one that the ranges lack. Empty sheets stay as they
+    are: they are no part of what an image looks like.
+    """
+    base = load_ranges(ranges)
+    known = [name for name in base.list_enabled_components() if name != "empty_sheet"]
+    if unknown := [name for name in components if name not in known]:
+        raise InputError(f"scenes of {ranges} have no component {unknown[0]!r}; they have {', '.join(known)}")
+
+    def leave_out(names: Sequence[str]) -> Ranges:
+        return dataclasses.replace(base, without=base.without | set(names))
+
+    variants = [Variant(ALL, "", base), Variant(BARE, "", leave_out(known))]
+    for name in components or known:
+        variants.append(Variant(name, "without", leave_out([name])))
+        variants.append(Variant(name, "only", leave_out([one for one in known if one != name])))
+    return variants
+
+
+@dataclass(frozen=True, kw_only=True)
+class AblationRunner:
+    """Trains and measures the variants in the folder `out`; what is there already is not repeated."""
+
+    out: Path
+    config: TrainConfig
+    """The recipe; task, seed and ranges are replaced."""
+    sets: Mapping[str, Sequence[Photo]]
+
+    def save_settings(self, settings: Mapping[str, Any]) -> None:
+        """Save the settings. Raises InputError if `out` was begun with others."""
+        path = self.out / _SETTINGS_FILE
+        if not path.is_file():
+            write_json(path, settings)
+        elif read_json(path) != json.loads(json.dumps(settings)):
+            raise InputError(f"{self.out} holds an ablation with other settings; name another --out")
+
+    def run(self, task: str, variant: Variant, seed: int) -> Mapping[str, Mapping[str, float | None]]:
+        """Return the metrics of one network by set. Raises InputError; a stopped training continues."""
+        folder = self.out / task / variant.folder / f"seed{seed}"
+        scores = folder / _SCORES_FILE
+        if not scores.is_file():
+            scene = folder.parent / _RANGES_FILE
+            write_text(scene, ranges_to_toml(variant.ranges))
+            config = dataclasses.replace(self.config, task=task, seed=seed, ranges=str(scene.resolve()))
+            fit(config, folder, show_progress=False)
+            estimator = _ESTIMATORS[task](folder)
+            write_json(scores, {name: summarise(score_photos(estimator, p)) for name, p in self.sets.items()})
+            # Dozens of networks with their graphs would fill the memory.
+            keras.utils.clear_session()
+        found: Mapping[str, Mapping[str, float | None]] = read_json(scores)
+        return found
+
+
+def run_ablation(
+    runner: AblationRunner,
+    tasks: Sequence[str],
+    variants: Sequence[Variant],
+    seeds: Sequence[int],
+    costs: Mapping[str, MedianIqr],
+) -> list[Row]:
+    """Train and measure all of it, seed by seed, and return the rows. `costs` are in microseconds."""
+    jobs = [(task, variant, seed) for seed in seeds for task in tasks for variant in variants]
+    scores: dict[tuple[str, str], list[Any]] = defaultdict(list)
+    for task, variant, seed in progress_bar(jobs, desc="networks", unit="network"):
+        scores[task, variant.folder].append(runner.run(task, variant, seed))
+    return [row for task in tasks for row in _compare(task, variants, scores, runner.sets, costs)]
+
+
+def _compare(
+    task: str,
+    variants: Sequence[Variant],
+    scores: Mapping[tuple[str, str], Sequence[Any]],
+    sets: Mapping[str, Any],
+    costs: Mapping[str, MedianIqr],
+) -> Iterator[Row]:
+    references = {variant.component: variant.folder for variant in variants if not variant.change}
+    for variant in variants:
+        for name in sets:
+            for metric in _METRICS[task]:
+                own = _values(scores[task, variant.folder], name, metric)
+                reference = _values(scores[task, references[variant.reference]], name, metric)
+                low, high = interval_of_mean(own - reference)
+                cost = costs.get(variant.component)
+                yield {
+                    "task": task,
+                    "component": variant.component,
+                    "change": variant.change,
+                    "seeds": len(own),
+                    "set": name,
+                    "metric": metric,
+                    "value": float(own.mean()),
+                    "difference": float((own - reference).mean()) if variant.change else None,
+                    "low": low if variant.change else None,
+                    "high": high if variant.change else None,
+                    "us": None if cost is None else cost.median,
+                }
+
+
+def interval_of_mean(differences: np.ndarray) -> tuple[float | None, float | None]:
+    """Return the 95 % interval of the mean of paired `differences` [n] by Student's t; None for n = 1."""
+    if len(differences) < 2:
+        return None, None
+    from scipy import stats
+
+    half = stats.t.ppf(0.975, len(differences) - 1) * differences.std(ddof=1) / np.sqrt(len(differences))
+    return float(differences.mean() - half), float(differences.mean() + half)
+
+
+def _values(scores: Sequence[Any], name: str, metric: str) -> np.ndarray:
+    """Return a metric by seed; a network whose photos were all refused has none: NaN."""
+    return np.array([np.nan if one[name][metric] is None else one[name][metric] for one in scores], float)
