@@ -24,14 +24,19 @@ from laesi_tf.training.tasks import TASKS
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError."""
     given = vars(_make_parser().parse_args(arguments))
-    path, out, json_path, data_service = (
-        given.pop(name) for name in ("config", "out", "json", "data_service")
+    path, out, json_path, data_service, device = (
+        given.pop(name) for name in ("config", "out", "json", "data_service", "synthesis_device")
     )
     config = load_config(path, **given) if path else config_from_dict(given)
     load_tensorflow()
     from laesi_tf.training.loop import fit
 
-    result = fit(config, out or Path("runs") / config.task, data_service=data_service)
+    result = fit(
+        config,
+        out or Path("runs") / config.task,
+        data_service=data_service,
+        synthesis_device=device,
+    )
     print(_format_summary(result.metrics, config, result.path))
     if json_path:
         write_json(json_path, result.metrics)
@@ -48,6 +53,13 @@ def _make_parser() -> argparse.ArgumentParser:
         default="",
         metavar="HOST:PORT",
         help="render scenes on other machines with the laesi_tf.serve that listens there",
+    )
+    parser.add_argument(
+        "--synthesis-device",
+        default="auto",
+        metavar="auto|cpu|DEVICE",
+        help="what renders live scenes: auto is the accelerator where there is one, cpu the processor's "
+        "cores; or a device's name, such as GPU:1",
     )
     add_option_arguments(parser, TrainConfig)
     return parser

@@ -1,5 +1,6 @@
 """Training batches and validation batches of a configuration."""
 
+import itertools
 from collections.abc import Callable, Iterator
 
 import tensorflow as tf
@@ -11,8 +12,10 @@ from laesi_tf.data.augmentation import augment_sample, augmentation_flags, parse
 from laesi_tf.data.copy_paste import paste_leaves
 from laesi_tf.data.leaf_textures import load_textures
 from laesi_tf.data.mixture import Source, load_mixture, mix_sources
+from laesi_tf.data.sample import Sample
 from laesi_tf.synthesis import load_ranges
 from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.device_synthesis import AUTO, CPU, find_synthesis_device, render_batches
 from laesi_tf.training.tasks import TASKS, make_task
 from laesi_tf.training.trainer import Batches
 
@@ -31,12 +34,20 @@ class InputPipeline:
     a data service that does not answer.
     """
 
-    def __init__(self, config: TrainConfig, *, data_service: str = "") -> None:
+    def __init__(self, config: TrainConfig, *, data_service: str = "", synthesis_device: str = AUTO) -> None:
         self._config, self._data_service = config, data_service
+        self._device = find_synthesis_device(synthesis_device)
         if config.mixture and data_service:
             raise InputError("--data-service makes live scenes only; leave out --data-service or --mixture")
         if config.copy_paste and data_service:
             raise InputError("--data-service pastes no leaves; leave out --data-service or --copy-paste")
+        if config.mixture or config.lighting_passes != 1 or data_service:
+            if synthesis_device not in (AUTO, CPU):
+                raise InputError(
+                    "--synthesis-device renders live scenes with one light for each leaf; leave it out, or "
+                    "--mixture, --lighting-passes and --data-service"
+                )
+            self._device = None
         if data_service:
             check_reachable(data_service)
         self._ranges = make_task(config).choose_ranges(load_ranges(config.ranges))
@@ -46,6 +57,8 @@ class InputPipeline:
     def training_batches(self, start: int) -> Batches:
         """Return the endless stream of batches whose first sample has the index `start`."""
         config = self._config
+        if self._device is not None:
+            return self._render_on_device(self._device, start)
         if self._data_service:
             return tf_data_service.receive_batches(
                 self._live_examples, self._data_service, batch_size=config.batch_size, start=start
@@ -54,6 +67,24 @@ class InputPipeline:
             mixed = mix_sources(self._sources, seed=config.seed, start=start)
             return _report_data_loss(self._batch(self._make_examples(mixed.enumerate(start))), config.mixture)
         return self._batch(self._live_examples(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1])))
+
+    def _render_on_device(self, device: str, start: int) -> Batches:
+        config, render = self._config, make_task(self._config).renderer()
+        scene = {"size": config.size, "ranges": self._ranges.with_passes(1), "textures": self._textures}
+        batches = render_batches(
+            device,
+            lambda index: render(config.seed, index=index + synthetic.TRAIN_INDICES[0], **scene),
+            self._example_maker(),
+            batch_size=config.batch_size,
+            start=start,
+        )
+        if not config.copy_paste:
+            return batches
+        firsts = itertools.count(start, config.batch_size)
+        numbered = zip(firsts, batches, strict=False)
+        return (
+            self._paste_leaves(tf.constant([first], tf.int64), examples)[1] for first, examples in numbered
+        )
 
     def _batch(self, numbered: tf.data.Dataset) -> tf.data.Dataset:
         """Return batches of (image, target) from `numbered` (index, example)."""
@@ -101,17 +132,22 @@ class InputPipeline:
 
     def _make_examples(self, numbered: tf.data.Dataset) -> tf.data.Dataset:
         """Return (index, (image, target)) from (index, sample), augmented as the configuration says."""
+        make_example = self._example_maker()
+        return numbered.map(
+            lambda index, sample: (index, make_example(index, sample)), num_parallel_calls=tf.data.AUTOTUNE
+        )
+
+    def _example_maker(self) -> Callable[[tf.Tensor, Sample], Example]:
+        """Return the function from (index, sample) to (image, target)."""
         task, seed = make_task(self._config), self._config.seed
         enabled = augmentation_flags(parse_augmentations(self._config.augment))
-        if enabled.any():
-            numbered = numbered.map(
-                lambda index, sample: (
-                    index,
-                    augment_sample(sample, tf.stack([seed, index]), tf.constant(enabled)),
-                ),
-                num_parallel_calls=tf.data.AUTOTUNE,
-            )
-        return numbered.map(lambda index, sample: (index, (sample["image"], task.make_target(sample))))
+
+        def make_example(index: tf.Tensor, sample: Sample) -> Example:
+            if enabled.any():
+                sample = augment_sample(sample, tf.stack([seed, index]), tf.constant(enabled))
+            return sample["image"], task.make_target(sample)
+
+        return make_example
 
     def _open_mixture(self) -> list[Source]:
         config = self._config

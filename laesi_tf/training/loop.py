@@ -29,6 +29,7 @@ from laesi_tf.common.run_files import (
 from laesi_tf.models import batch_norm
 from laesi_tf.reporting.run_report import SYNTHETIC_SCENES
 from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.device_synthesis import AUTO
 from laesi_tf.training.initialisation import initialise_network
 from laesi_tf.training.input_pipeline import BatchStream, InputPipeline
 from laesi_tf.training.optimizers import make_optimizer
@@ -64,6 +65,7 @@ def fit(
     train: BatchStream | None = None,
     validation: Batches | None = None,
     data_service: str = "",
+    synthesis_device: str = AUTO,
     validation_name: str = SYNTHETIC_SCENES,
     show_progress: bool = True,
 ) -> TrainingResult:
@@ -71,9 +73,9 @@ def fit(
 
     `train` and `validation` replace the live synthetic scenes; `validation` is kept in memory, and the report
     calls it `validation_name`. Scenes are rendered by the data service at `data_service` (HOST:PORT), if
-    there is one, with the same result. Raises InputError for anything that cannot be used, before the first
-    download and the first scene; TrainingDiverged where the loss is not finite; TrainingInterrupted after
-    Ctrl-C.
+    there is one, or on `synthesis_device` (see `find_synthesis_device`), with the same result. Raises
+    InputError for anything that cannot be used, before the first download and the first scene;
+    TrainingDiverged where the loss is not finite; TrainingInterrupted after Ctrl-C.
     """
     out = Path(out)
     origin = check_run_directory(out, config)
@@ -82,7 +84,7 @@ def fit(
         return load_result(out, config)
     require_writable(out / CONFIG_FILE)
     if train is None or validation is None:
-        pipeline = InputPipeline(config, data_service=data_service)
+        pipeline = InputPipeline(config, data_service=data_service, synthesis_device=synthesis_device)
         train = train or pipeline.training_batches
         validation = pipeline.validation_batches() if validation is None else validation
     started = origin if (out / STATE_FILE).is_file() else None
