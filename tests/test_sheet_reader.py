@@ -1,5 +1,6 @@
 """The shipped ruling network and the fit together, on drawn sheets of known geometry."""
 
+import cv2
 import numpy as np
 import pytest
 from drawn_sheets import View, draw_photo
@@ -68,3 +69,12 @@ def test_a_reader_uses_the_parameters_that_it_is_given(sheet_reader: SheetReader
     assert (default.paper, read_with("reading.levels.heavy", 1e9).paper) == ("1-5-10", "1")
     assert read_with("judge.fewest_cells", 1_000_000).refusal == NO_RULING
     assert read_with("sheet_agreement", 2.0).outline is None
+
+
+def test_a_shaken_photo_is_not_read_at_half_the_scale(sheet_reader: SheetReader) -> None:
+    """Motion along the sheet's diagonal takes the wave of faint millimetre lines and leaves its harmonic."""
+    photo = draw_photo(View(height=720, width=960, px_per_mm=7.0, turn=0.1), {1.0: 0.2, 5.0: 0.8, 10.0: 1.0})
+    path = cv2.line(np.zeros((11, 11), np.float32), (2, 2), (8, 8), 1.0)
+    reading = read(sheet_reader, cv2.filter2D(photo.astype(np.float32), -1, path / path.sum()))
+    assert reading.camera is not None, reading.refusal
+    assert reading.camera.px_per_mm(np.array([480.0, 360.0])) == pytest.approx(7.0, rel=5e-3)

@@ -42,6 +42,8 @@ class LevelParams:
 
 
 FINER = (2, 5, 10)
+HALF = 0.5
+"""Factor of lines that were fitted to their first harmonic."""
 _ORDERS = np.arange(1, 13, dtype=np.float32)
 _TENTHS = np.array([3, 7, 9, 11], np.float32) / 10
 _FIFTHS = np.array([2, 4, 6, 8, 12], np.float32) / 10
@@ -91,7 +93,7 @@ class HeavierLines(NamedTuple):
     """[5, 2 families], mean power over its standard error of waves at tenths, fifths, halves, quarters and
     sixths."""
     factors: tf.Tensor
-    """[2], by which the families' own finest lines are finer than the fitted: 1, or 5/4 or 5/6."""
+    """[2], by which the families' own finest lines are finer than the fitted: 1, 5/4 or 5/6, or HALF."""
 
     @property
     def surest(self) -> tf.Tensor:
@@ -195,7 +197,10 @@ def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
 
     Heavier lines make waves between the fitted ones. Doubled heavy fives can be stronger at 4/5 or 6/5 of the
     finest wave than the finest itself, and the fit of one family may then hold on to those: that family alone
-    shows waves at quarters or sixths, and has none at fifths.
+    shows waves at quarters or sixths, and has none at fifths. Where blur or harsh light takes the finest
+    lines' own wave, both fits may hold on to its first harmonic: then every fifth line of the print is a
+    tenth, and every tenth a twentieth, which makes waves at quarters; no paper has heavier tenths and
+    fourths.
     """
     groups = [_TENTHS, _FIFTHS, _HALVES, _QUARTERS, _SIXTHS]
     sums = sum_in_phase(windows, predicted, np.concatenate(groups), params)
@@ -210,6 +215,7 @@ def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
     is_sixth = (sixths > params.harmonic) & (fifths < 0.25 * sixths) & wins & ~is_quarter
     factors = tf.where(is_quarter, 1.25, tf.where(is_sixth, 5 / 6, 1.0))
     tenth = there[0]
+    factors = tf.where(tenth & there[3], HALF, factors)
     return HeavierLines(
         second=there[2] & ~tenth & ~there[1] & ~there[3],
         fourth=there[3] & ~there[1] & ~tenth,

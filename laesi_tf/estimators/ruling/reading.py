@@ -10,6 +10,7 @@ import tensorflow as tf
 from laesi_tf.common.sheet_model import COUNT
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.ruling.line_levels import (
+    HALF,
     NO_FINER_LINES,
     FinerLines,
     HeavierLines,
@@ -93,6 +94,11 @@ def choose_surer(
     return tf.cond(is_surer | is_faint, lambda: other, lambda: one)
 
 
+def is_halved(heavier: HeavierLines) -> tf.Tensor:
+    """Return whether the fitted waves are first harmonics of the printed lines, bool scalar."""
+    return tf.reduce_max(heavier.factors) < (1 + HALF) / 2
+
+
 def sample_cells(field: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
     """Return `field` [C, C] of the frame's cells at `points` [..., 2] in frame pixels, nearest cell."""
     side = field.shape[0]
@@ -171,17 +177,27 @@ def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, *, param
     is_finest = is_harmonic | heavier.fifth | heavier.tenth
     fine, finer = tf.cond(is_finest, lambda: (windows, NO_FINER_LINES), look_closer)
     factor = finer.factor
-    scale = heavier.factors * factor / coarser
-    u, v = scale[0], scale[1]
-    scaled = fit.parameters * tf.concat([tf.stack([u, v, u, u, v, v]), tf.ones([COUNT - 6])], 0)
+    used = Windows(*(tf.where(is_harmonic, old, new) for old, new in zip(windows, fine, strict=True)))
 
-    def refit() -> tuple[SheetFit, HeavierLines]:
-        used = Windows(*(tf.where(is_harmonic, old, new) for old, new in zip(windows, fine, strict=True)))
+    def refit(parameters: tf.Tensor, scale: tf.Tensor) -> tuple[SheetFit, HeavierLines]:
+        """Fit again with lines that are finer by `scale` [2 families]."""
+        u, v = scale[0], scale[1]
+        scaled = parameters * tf.concat([tf.stack([u, v, u, u, v, v]), tf.ones([COUNT - 6])], 0)
         lengths = tf.norm(predict_in(used, size, scaled)[..., :2], axis=-1)
         noise = measure_noise(compute_power(used.ink), lengths)
         again = fit_phases(used, noise, window_points(used, size)[0], scaled, params=params.fit)
         return again, find_heavier(used, predict_in(used, size, again.parameters), params=params.levels)
 
-    fit, heavier = tf.cond(is_harmonic | (factor > 1.5), refit, lambda: (fit, heavier))
-    finer = finer._replace(factor=factor / coarser, excluded=finer.excluded | is_coarser)
+    halved = is_halved(heavier)
+    scale = heavier.factors * factor / coarser
+    fit, heavier = tf.cond(
+        is_harmonic | (factor > 1.5), lambda: refit(fit.parameters, scale), lambda: (fit, heavier)
+    )
+    # Finer lines that were found may be the first harmonic of the finest.
+    halved_again = is_halved(heavier)
+    fit, heavier = tf.cond(
+        halved_again, lambda: refit(fit.parameters, heavier.factors), lambda: (fit, heavier)
+    )
+    factor = factor / coarser * tf.where(halved, HALF, 1.0) * tf.where(halved_again, HALF, 1.0)
+    finer = finer._replace(factor=factor, excluded=finer.excluded | is_coarser)
     return Reading(votes, fit, finer, heavier)
