@@ -45,7 +45,7 @@ def generate_dataset(
     start_dataset(out, spec)
     shard_format = SHARD_FORMATS[spec.format]
     shards = range(shard_fraction[0], spec.shards, shard_fraction[1])
-    missing = _find_missing(shards, spec, out)
+    missing = find_missing_shards(shards, spec, out, remedy="generated again")
     started, generated = time.monotonic(), 0
     total = sum(len(spec.sample_indices(shard)) for shard in missing)
     bar: Any = progress_bar([], total=total, unit="image")
@@ -70,8 +70,11 @@ def generate_dataset(
     }
 
 
-def _find_missing(shards: Sequence[int], spec: DatasetSpec, out: Path) -> list[int]:
-    """Return the shards that do not exist or are damaged; remove the damaged ones."""
+def find_missing_shards(shards: Sequence[int], spec: DatasetSpec, out: Path, *, remedy: str) -> list[int]:
+    """Return the shards that do not exist or are damaged; remove the damaged ones.
+
+    A warning names each damaged shard and says that it is `remedy`, such as "generated again".
+    """
     missing = []
     for shard in progress_bar(shards, desc="checking", unit="shard"):
         path = out / spec.shard_name(shard)
@@ -80,7 +83,7 @@ def _find_missing(shards: Sequence[int], spec: DatasetSpec, out: Path) -> list[i
             continue
         damage = SHARD_FORMATS[spec.format].find_damage(path, count=len(spec.sample_indices(shard)))
         if damage is not None:
-            warnings.warn(f"{path} is damaged and is generated again: {damage}", stacklevel=3)
+            warnings.warn(f"{path} is damaged and is {remedy}: {damage}", stacklevel=3)
             _remove(path)
             missing.append(shard)
     return missing

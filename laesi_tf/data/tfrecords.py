@@ -125,11 +125,11 @@ def check_shards(folder: Path, spec: DatasetSpec) -> list[str]:
     if missing:
         raise InputError(
             f"{folder} lacks {len(missing)} of {len(paths)} shards, the first {missing[0]}; "
-            "run generate again, which continues"
+            "run the command that wrote it again, which continues"
         )
     for shard, path in enumerate(paths):
         if count_records(path) != len(spec.sample_indices(shard)):
-            raise InputError(f"{path} is truncated; run generate again, which replaces it")
+            raise InputError(f"{path} is truncated; run the command that wrote it again, which replaces it")
     return [str(path) for path in paths]
 
 
