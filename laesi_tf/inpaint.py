@@ -68,7 +68,7 @@ def _format_summary(metrics: Mapping[str, Any], out: Path) -> str:
     present = metrics["shards_already_there"]
     return (
         "{pictures} pictures in {shards} shards repainted by {model}, {seconds:.0f} s at "
-        "{pictures_per_s:.2f} pictures/s".format_map(metrics)
+        "{pictures_per_s:.2f} pictures/s, size {mb:.0f} MB".format_map(metrics)
         + (f"; {present} shards existed already" if present else "")
         + f": {out}"
     )

@@ -93,6 +93,15 @@ def test_paper_continues_its_lines_below_the_leaf() -> None:
     np.testing.assert_array_equal(filled, paper)
 
 
+def test_paper_is_filled_with_paper_and_not_with_the_desk() -> None:
+    scene = draw_paper(128)
+    scene[:, 90:] = 40
+    mask = np.zeros((128, 128), bool)
+    mask[20:100, 10:80] = True
+    filled = fill_with_paper(np.where(mask[..., None], 0, scene).astype(np.uint8), mask)
+    assert (filled[mask] > 100).mean() > 0.99
+
+
 def test_paper_below_a_leaf_that_fills_the_image_has_its_colour() -> None:
     image = draw_paper(64)
     mask = np.zeros((64, 64), bool)

@@ -65,7 +65,7 @@ def generate_dataset(
         "shards_already_there": len(shards) - len(missing),
         "seconds": seconds,
         "images_per_s": generated / seconds if generated else 0.0,
-        "mb": sum(_size_bytes(out / spec.shard_name(shard)) for shard in shards) / 1e6,
+        "mb": sum(size_bytes(out / spec.shard_name(shard)) for shard in shards) / 1e6,
         "peak_rss_mb": peak_rss_mb(),
     }
 
@@ -122,6 +122,7 @@ def _render_shards(
             bar.update()
 
 
-def _size_bytes(path: Path) -> int:
+def size_bytes(path: Path) -> int:
+    """Return the size of a file, or of all files in a folder."""
     files = path.rglob("*") if path.is_dir() else [path]
     return sum(file.stat().st_size for file in files if file.is_file())

@@ -7,6 +7,9 @@ image      JPEG of quality 95 without chroma subsampling      area_cm2, px_per_m
 mask       PNG, 0 and 255                                      to_px                           9 floats
 edges      PNG, Canny edges of the mask                        seed, index                     int64
 prompt     text for an image generator, UTF-8
+
+Commands that change a data set add features of their own, which readers of these ignore: see
+`laesi_tf.inpainting.repainting` and `laesi_tf.inpainting.filtering`.
 """
 
 import struct

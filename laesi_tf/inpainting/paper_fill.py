@@ -4,17 +4,24 @@ The paper is copied from another place of the image, moved such that the printed
 continue: the displacement at which the surroundings of the region agree best.
 """
 
+from typing import Any
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from laesi_tf.common.arrays import Mask, RgbImage
+from laesi_tf.common.arrays import FloatMap, Mask, RgbImage
 
 _RING_PX = 9
 """Width of the surroundings that are compared: two to four printed lines."""
 _EDGE_PX = 2
 """Pixels beside the mask that still have colour of the leaf."""
-_MAX_COPIES = 6
-_CLASH_TOLERANCE = 0.05
+_MAX_COPIES = 10
+_MIN_GAIN = 0.2
+"""Share of the region that a copy must fill, where any place allows it: several good copies are better than
+one of the desk."""
+_MIN_COMPARED = 0.3
+"""Share of the surroundings that must be known at the other place."""
 
 
 def fill_with_paper(image: RgbImage, mask: Mask) -> RgbImage:
@@ -45,12 +52,10 @@ def _copy_paper(image: RgbImage, missing: Mask) -> bool:
     ring = (near & ~needed).astype(np.float32)
     if not ring.any():
         return False
-    pixels = image.astype(np.float32)
-    weights = np.repeat(ring[..., np.newaxis], 3, axis=-1)
-    difference = cv2.matchTemplate(pixels, pixels[box], cv2.TM_SQDIFF, mask=weights)
-    overlap = cv2.matchTemplate(missing.astype(np.float32), near.astype(np.float32), cv2.TM_CCORR)
-    overlap /= near.sum()
-    difference[overlap > overlap.min() + _CLASH_TOLERANCE] = np.inf
+    difference, compared = _compare_places(image, ~missing, image[box], ring)
+    filled = 1 - _correlate(missing, needed) / needed.sum()
+    is_useful = (filled >= min(_MIN_GAIN, filled.max() - 0.01)) & (compared > _MIN_COMPARED * ring.sum())
+    difference[~is_useful] = np.inf
     y, x = np.unravel_index(np.argmin(difference), difference.shape)
     source = (slice(int(y), int(y) + bottom - top), slice(int(x), int(x) + right - left))
     usable = needed & ~missing[source]
@@ -58,6 +63,28 @@ def _copy_paper(image: RgbImage, missing: Mask) -> bool:
     image[box][usable] = patch[usable]
     missing[box][usable] = False
     return bool(usable.any())
+
+
+def _compare_places(
+    image: RgbImage, is_known: Mask, patch: RgbImage, weights: FloatMap
+) -> tuple[FloatMap, FloatMap]:
+    """Compare `patch` [h, w, 3] with every place of `image` [H, W, 3].
+
+    Pixels count that have a weight [h, w] in the patch and are known [H, W] in the image. Returns the mean
+    squared difference and the sum of the weights, [H - h + 1, W - w + 1].
+    """
+    known, pixels, template = is_known.astype(np.float32), image.astype(np.float32), patch.astype(np.float32)
+    compared = _correlate(known, weights)
+    total = _correlate(known, weights * (template**2).sum(axis=-1))
+    total += _correlate(known * (pixels**2).sum(axis=-1), weights)
+    for channel in range(3):
+        total -= 2 * _correlate(known * pixels[..., channel], weights * template[..., channel])
+    return total / np.maximum(compared, 1), compared
+
+
+def _correlate(image: NDArray[Any], template: NDArray[Any]) -> FloatMap:
+    """Return the sums of products of `template` [h, w] with each part of `image` [H, W]."""
+    return cv2.matchTemplate(image.astype(np.float32), template.astype(np.float32), cv2.TM_CCORR)
 
 
 def _dilate(mask: Mask, radius: int) -> Mask:

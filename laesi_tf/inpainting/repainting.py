@@ -18,7 +18,7 @@ from laesi_tf.common.atomic_files import read_json, write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.canny import prompt_species
-from laesi_tf.data.dataset_generation import find_missing_shards
+from laesi_tf.data.dataset_generation import find_missing_shards, size_bytes
 from laesi_tf.data.dataset_spec import SPEC_FILE, DatasetSpec, read_spec
 from laesi_tf.data.encoding import encode_png_image
 from laesi_tf.data.image_folders import merge_manifests
@@ -86,6 +86,7 @@ def repaint_dataset(
         "shards_already_there": len(shards) - len(missing),
         "seconds": seconds,
         "pictures_per_s": painted / seconds if painted else 0.0,
+        "mb": sum(size_bytes(out / spec.shard_name(shard)) for shard in shards) / 1e6,
     }
 
 
