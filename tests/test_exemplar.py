@@ -181,7 +181,28 @@ def test_folders_without_usable_textures_are_refused(
         inpaint.main([*arguments, "--textures", str(textures)])
 
 
-def test_a_leaf_that_is_too_small_is_no_donor() -> None:
+def test_leaves_of_a_few_pixels_get_the_colour_of_a_leaf(donors: list[Donor]) -> None:
+    for side in (1, 2, 4):
+        mask = np.zeros((32, 32), bool)
+        mask[10 : 10 + side, 12 : 12 + side] = True
+        image = MaskedImage(image=draw_paper(32), mask=mask, prompt="", species=None, seed=side)
+        for imperfect in (0.0, 1.0):
+            painted = ExemplarInpainter(donors, imperfect=imperfect).repaint([image])[0].image
+            assert painted[~mask].min() >= 150 and (imperfect or painted[mask][:, 2].max() < 130)
+
+
+def test_the_largest_of_several_leaves_is_the_donor() -> None:
+    image, mask = draw_leaf(length=80, width=40, side=200)
+    mask[150:180, 150:180] = True
+    alone = cut_out_donor("alone", *draw_leaf(length=80, width=40, side=200))
+    assert compare_shapes(cut_out_donor("several", image, mask).frame, alone.frame) < 0.01
+
+
+def test_a_leaf_that_is_too_small_or_narrow_is_no_donor() -> None:
+    line = np.zeros((600, 600), bool)
+    line[100:500, 300:303] = True
+    with pytest.raises(InputError, match="too narrow"):
+        cut_out_donor("line", draw_paper(600), line)
     image, mask = draw_leaf(length=20, width=8)
     with pytest.raises(InputError, match="pixels; at least"):
         cut_out_donor("small", image, mask)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.arrays import Mask, RgbImage
+from laesi_tf.common.geometry import pixel_centres
 from laesi_tf.inpainting.leaf_frame import LeafFrame, fit_leaf_frame
 from laesi_tf.inpainting.paper_fill import fill_with_paper
 
@@ -88,8 +89,7 @@ def bite(painted: PaintedLeaf, severity: float) -> FaultyImage:
 
 def miss(painted: PaintedLeaf, severity: float) -> FaultyImage:
     """Leave out the share `severity` of the leaf, from its tip; with 1 there is no leaf at all."""
-    rows, columns = np.nonzero(painted.mask)
-    along = painted.frame.to_leaf(np.stack([columns, rows], axis=-1) + 0.5)[:, 0]
+    along = painted.frame.to_leaf(pixel_centres(painted.mask))[:, 0]
     missing = np.zeros_like(painted.mask)
     missing[painted.mask] = along >= np.quantile(along, 1 - severity) if severity < 1 else True
     return _remove(painted, missing)

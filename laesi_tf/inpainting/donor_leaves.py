@@ -74,7 +74,11 @@ def find_donor_photos(folder: Path, *, split: str | None) -> list[Photo]:
 
 
 def cut_out_donor(name: str, image: RgbImage, mask: Mask) -> Donor:
-    """Cut the leaf in `mask` [H, W] out of `image` [H, W, 3]. Raises InputError if it is too small."""
+    """Cut the largest leaf in `mask` [H, W] out of `image` [H, W, 3].
+
+    Raises InputError if it is too small or too narrow.
+    """
+    mask = _keep_largest(mask)
     if mask.sum() < _MIN_AREA_PX:
         raise InputError(f"its leaf has {int(mask.sum())} pixels; at least {_MIN_AREA_PX} are needed")
     rows, columns = np.nonzero(mask)
@@ -88,9 +92,18 @@ def cut_out_donor(name: str, image: RgbImage, mask: Mask) -> Donor:
         mask = cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) > 127
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _RIM_PX + 1, 2 * _RIM_PX + 1))
     inner = cv2.erode(mask.astype(np.uint8), kernel, borderValue=0) > 0
+    if not inner.any():
+        raise InputError("its leaf is too narrow: nowhere is it wider than the edges")
     around = cv2.dilate(mask.astype(np.uint8), kernel) == 0
     paper = np.median(image[around], axis=0) if around.any() else np.full(3, 255.0)
     return Donor(name=name, image=image, leaf=inner, frame=fit_leaf_frame(mask), paper=paper)
+
+
+def _keep_largest(mask: Mask) -> Mask:
+    """Return the largest connected part of `mask` [H, W]."""
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    areas = statistics[1:, cv2.CC_STAT_AREA]
+    return labels == 1 + int(np.argmax(areas)) if len(areas) else mask
 
 
 def _load_donor(photo: Photo) -> Donor:

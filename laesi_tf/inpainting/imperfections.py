@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from laesi_tf.common.arrays import FloatMap, Mask, RgbImage
+from laesi_tf.common.geometry import pixel_centres
 from laesi_tf.inpainting.leaf_frame import LeafFrame
 from laesi_tf.inpainting.paper_fill import fill_with_paper
 from laesi_tf.inpainting.texture_warp import Alignment, fill_gaps, match_light, warp_texture
@@ -46,7 +47,7 @@ def drift(canvas: Canvas, random: np.random.Generator) -> FloatMap:
     # Gaps that the faithful texture has, too, are filled: the donor's shape is not the target's.
     own = warp_texture(canvas.alignment, canvas.frame, canvas.mask)
     texture = match_light(fill_gaps(moved, canvas.mask), canvas.alignment.donor, canvas.image, canvas.mask)
-    coordinates = canvas.frame.to_leaf(_centres(canvas.mask)) - shift
+    coordinates = canvas.frame.to_leaf(pixel_centres(canvas.mask)) - shift
     is_beyond = np.zeros_like(canvas.mask)
     is_beyond[canvas.mask] = (np.abs(coordinates - [0.5, 0]) > [0.5, 1]).any(axis=1)
     return canvas.uncover(texture, (own.is_leaf & ~moved.is_leaf) | is_beyond)
@@ -72,7 +73,7 @@ def holes(canvas: Canvas, random: np.random.Generator) -> FloatMap:
 def neighbour_edge(canvas: Canvas, random: np.random.Generator) -> FloatMap:
     """Let another leaf begin inside the mask, behind a strip of paper of any width."""
     texture, other = canvas.paint(canvas.alignment), canvas.paint(canvas.neighbour)
-    points = canvas.frame.to_leaf(_centres(canvas.mask)) - [0.5, 0]
+    points = canvas.frame.to_leaf(pixel_centres(canvas.mask)) - [0.5, 0]
     angle = random.uniform(0, 2 * np.pi)
     # In units of half the blade's length along and half its width across.
     points = points * [2, 1]
@@ -92,7 +93,3 @@ IMPERFECTIONS: dict[str, Callable[[Canvas, np.random.Generator], FloatMap]] = {
     "neighbour's edge": neighbour_edge,
 }
 """All imperfections by the name that is stored with an image."""
-
-
-def _centres(mask: Mask) -> np.ndarray:
-    return np.argwhere(mask)[:, ::-1] + 0.5

@@ -79,7 +79,7 @@ def _compare_places(
     total += _correlate(known * (pixels**2).sum(axis=-1), weights)
     for channel in range(3):
         total -= 2 * _correlate(known * pixels[..., channel], weights * template[..., channel])
-    return total / np.maximum(compared, 1), compared
+    return (total / np.maximum(compared, 1)).astype(np.float32), compared
 
 
 def _correlate(image: NDArray[Any], template: NDArray[Any]) -> FloatMap:

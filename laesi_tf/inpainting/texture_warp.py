@@ -20,10 +20,14 @@ _MAX_SLOPE = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Warp:
-    """A donor's texture on a target: `colour` float32 [H, W, 3], and where the donor has leaf [H, W]."""
+    """A donor's texture on a target."""
 
     colour: FloatMap
+    """float32 [H, W, 3], 0..255."""
     is_leaf: Mask
+    """[H, W], where the donor has leaf."""
+    mean_colour: FloatMap
+    """float32 [3], of the donor's leaf."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,16 +78,17 @@ def warp_texture(
     is_leaf = np.zeros(mask.shape, bool)
     colour[mask] = _sample(image.astype(np.float32), points)
     is_leaf[mask] = _sample(leaf, points, outside=0.0) > 0.9
-    return Warp(colour, is_leaf)
+    return Warp(colour, is_leaf, donor.image[donor.leaf].mean(axis=0, dtype=np.float32))
 
 
 def fill_gaps(warp: Warp, mask: Mask) -> FloatMap:
     """Return the texture [H, W, 3] with the pixels of `mask` where the donor has no leaf filled from it.
 
-    A gap mirrors the texture at the donor's margin, so that it has the same grain as the leaf beside it.
+    A gap mirrors the texture at the donor's margin, so that it has the same grain as the leaf beside it. A
+    leaf of a few pixels gets the donor's mean colour.
     """
     if not warp.is_leaf.any():
-        return warp.colour
+        return np.broadcast_to(warp.mean_colour, warp.colour.shape)
     _, labels = cv2.distanceTransformWithLabels(
         (~warp.is_leaf).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
