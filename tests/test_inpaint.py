@@ -276,6 +276,7 @@ class TestModels:
         for part in ("nobody/no-such-model", diffusion_models.BASE_ID, diffusion_models.CONTROLNET_ID):
             assert part in message
         assert "--base DIR" in message and "\n" not in message
+        assert not (tmp_path / "set").exists()
 
     def test_pickled_weights_are_refused(self, run: Run, models: list[str], tmp_path: Path) -> None:
         import torch

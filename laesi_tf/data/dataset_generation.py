@@ -52,7 +52,7 @@ def generate_dataset(
     samples = _render_shards(spec, ranges, missing, bar)
     for shard in missing:
         path, count = out / spec.shard_name(shard), len(spec.sample_indices(shard))
-        _remove_partial_shard(path)
+        remove_partial_shard(path)
         shard_format.write(path, itertools.islice(samples, count), spec)
         generated += count
     bar.close()
@@ -89,7 +89,7 @@ def find_missing_shards(shards: Sequence[int], spec: DatasetSpec, out: Path, *, 
     return missing
 
 
-def _remove_partial_shard(path: Path) -> None:
+def remove_partial_shard(path: Path) -> None:
     """Remove temporary files that a killed process left beside a shard."""
     for partial in path.parent.glob(f".{path.stem}-*"):
         _remove(partial)

@@ -20,7 +20,7 @@ from laesi_tf.common.atomic_files import read_json, short_sha256, write_csv, wri
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.run_files import BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE
-from laesi_tf.data.dataset_generation import find_missing_shards
+from laesi_tf.data.dataset_generation import find_missing_shards, remove_partial_shard
 from laesi_tf.data.dataset_spec import DatasetSpec, read_spec, start_dataset
 from laesi_tf.data.image_folders import merge_manifests
 from laesi_tf.data.stored_samples import STORED_FORMATS, StoredSample, require_complete
@@ -208,6 +208,7 @@ def _copy_samples(
         indices = chosen_spec.sample_indices(shard)
         wanted = positions[indices.start : indices.stop]
         samples = _read_positions(source, {int(position) for position in wanted})
+        remove_partial_shard(out / chosen_spec.shard_name(shard))
         stored.write(
             out / chosen_spec.shard_name(shard),
             (

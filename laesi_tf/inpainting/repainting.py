@@ -18,7 +18,7 @@ from laesi_tf.common.atomic_files import read_json, write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.canny import prompt_species
-from laesi_tf.data.dataset_generation import find_missing_shards, size_bytes
+from laesi_tf.data.dataset_generation import find_missing_shards, remove_partial_shard, size_bytes
 from laesi_tf.data.dataset_spec import SPEC_FILE, DatasetSpec, read_spec
 from laesi_tf.data.encoding import encode_png_image
 from laesi_tf.data.image_folders import merge_manifests
@@ -57,10 +57,17 @@ def repaint_dataset(
     """
     spec = read_spec(source)
     require_complete(source, spec)
-    _start_repainting(out, spec, {"model": model, "seed": seed, **settings.describe()})
+    description = {
+        "model": model,
+        "seed": seed,
+        **settings.describe(),
+        "source": asdict(spec) | {"size": list(spec.size)},
+    }
+    _require_same_settings(out, description)
     shards = range(shard_fraction[0], spec.shards, shard_fraction[1])
     missing = find_missing_shards(shards, spec, out, remedy="repainted again")
     inpainter = settings.load() if missing else None
+    _start_repainting(out, spec, description)
     started = time.monotonic()
     total = sum(len(spec.sample_indices(shard)) for shard in missing)
     bar: Any = progress_bar([], total=total, unit="picture")
@@ -128,6 +135,7 @@ def _repaint_shard(
             painted += len(batch)
         files.append(part)
         advance(len(batch))
+    remove_partial_shard(out / name)
     stored.write(out / name, (sample for part in files for sample in read_records(part)))
     shutil.rmtree(parts, ignore_errors=True)
     return painted
@@ -162,9 +170,8 @@ def _to_stored_sample(
     )
 
 
-def _start_repainting(out: Path, spec: DatasetSpec, settings: dict[str, Any]) -> None:
-    """Write the description of the data set to `out`, or continue it. Raises InputError for another one."""
-    expected = {**settings, "source": asdict(spec) | {"size": list(spec.size)}}
+def _require_same_settings(out: Path, expected: dict[str, Any]) -> None:
+    """Raise InputError if `out` holds anything but a data set that was repainted as `expected` says."""
     path = out / INPAINTING_FILE
     if path.is_file():
         present = read_json(path)
@@ -176,7 +183,11 @@ def _start_repainting(out: Path, spec: DatasetSpec, settings: dict[str, Any]) ->
             )
     elif out.is_dir() and any(out.iterdir()):
         raise InputError(f"{out} is neither empty nor a repainted data set; name another folder")
-    else:
-        write_json(path, expected)
+
+
+def _start_repainting(out: Path, spec: DatasetSpec, description: dict[str, Any]) -> None:
+    """Describe the data set in `out`, unless that was done before an interruption."""
+    if not (out / INPAINTING_FILE).is_file():
+        write_json(out / INPAINTING_FILE, description)
     if not (out / SPEC_FILE).is_file():
         write_json(out / SPEC_FILE, asdict(spec))
