@@ -25,7 +25,7 @@ class LeafSegmenter:
     """The mask network of a run, or the one that comes with the package, applied to whole images.
 
     Images of a data set show one leaf of suitable size, so none of the searching at several scales is needed
-    that a photo needs, and nothing is corrected afterwards: the filter shall see what the network sees.
+    that a photo needs, and the network's mask is compared as it is, without any correction.
     """
 
     def __init__(self, run: Path | None = None) -> None:

@@ -52,16 +52,16 @@ class ControlNetSettings(InpainterSettings):
     guidance: float = option(7.5, "guidance scale: how closely the prompt is followed", low=0, high=100)
     conditioning_scale: float = option(1.0, "weight of the edges", low=0, high=10)
     strength: float = option(
-        1.0, "share of the diffusion that is run; below 1 the synthetic leaf shines through", low=0.01, high=1
+        1.0, "share of the diffusion that is run; below 1 the synthetic leaf stays visible", low=0.01, high=1
     )
     size: int = option(
         512,
-        "longer side of the images that the model paints, in pixels; 512 is what it knows",
+        "longer side of the images that the model paints, in pixels; it was trained at 512",
         low=64,
         high=4096,
     )
     batch: int = option(8, "images painted at once", low=1, high=1024)
-    device: str = option("auto", "auto: the first of cuda, mps and cpu that is there", metavar="cuda|mps|cpu")
+    device: str = option("auto", "auto: the first available of cuda, mps and cpu", metavar="cuda|mps|cpu")
     precision: str = option("auto", "auto: half on a GPU, full on a CPU", choices=("auto", "half", "full"))
 
     execution_fields: ClassVar[tuple[str, ...]] = ("batch", "device", "precision", "prompts")

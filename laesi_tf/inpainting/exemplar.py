@@ -30,7 +30,7 @@ class ExemplarSettings(InpainterSettings):
     textures_split: str = option("", "split of that manifest (default: all photos)", metavar="NAME")
     donors: int = option(12, "photographed leaves that are compared for each image", low=1, high=1000)
     imperfect: float = option(
-        0.2, "share of images that get an imperfection on purpose: drift, holes, a neighbour", low=0, high=1
+        0.2, "share of images with a deliberate imperfection: drift, holes, another leaf", low=0, high=1
     )
 
     def check(self) -> None:

@@ -1,4 +1,4 @@
-"""Imperfections that some exemplar repaintings get on purpose, so that the consistency filter has work.
+"""Deliberate imperfections of some exemplar repaintings, which the consistency filter should reject.
 
 They resemble what diffusion models do wrong (paper, figure "Three instances of ControlNet-generated images"):
 the leaf does not fill its mask. Each is a function of a texture, which it changes, and its strength is drawn
