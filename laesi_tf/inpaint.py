@@ -80,9 +80,7 @@ def _make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder of the repainted data set"
     )
-    parser.add_argument(
-        "--model", choices=tuple(INPAINTERS), default="controlnet", help="the inpainter"
-    )
+    parser.add_argument("--model", choices=tuple(INPAINTERS), default="controlnet", help="the inpainter")
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of what is painted")
     parser.add_argument(
         "--shard",
