@@ -18,6 +18,8 @@ COMMANDS = (
     "train",
     "preview",
     "generate",
+    "inpaint",
+    "filter",
     "serve",
     "export",
     "similarity",

@@ -20,9 +20,10 @@ from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json, write_text
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.hardware import describe_hardware, format_hardware
-from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
+from laesi_tf.common.parsing import image_size, non_negative_int, positive_float, positive_int
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.data.photo_search import find_photos
+from laesi_tf.inpainting.donor_leaves import find_donor_photos
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -236,6 +237,57 @@ def benchmark_accuracy(arguments: Sequence[str]) -> None:
     print("written:", ", ".join(map(str, paths.values())))
 
 
+def benchmark_filter(arguments: Sequence[str]) -> None:
+    """Repaint leaves with faults of all kinds and severities; count what the consistency filter rejects."""
+    parser = make_parser("benchmark filter", benchmark_filter.__doc__)
+    _add_scene_arguments(parser, size=(224, 224))
+    parser.add_argument(
+        "--count", type=positive_int, default=200, metavar="N", help="images of each kind and severity"
+    )
+    parser.add_argument(
+        "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
+    )
+    parser.add_argument(
+        "--mask-run",
+        type=Path,
+        metavar="RUN",
+        help="training run of task mask (default: the one that comes with the package)",
+    )
+    parser.add_argument(
+        "--max-deviation",
+        type=positive_float,
+        default=0.15,
+        metavar="SHARE",
+        help="largest deviation that the filter accepts",
+    )
+    parser.add_argument(
+        "--textures",
+        type=Path,
+        metavar="DIR",
+        help="photos with masks, from which the leaves are repainted first (default: leaves of the scenes)",
+    )
+    parser.add_argument("--textures-split", metavar="NAME", help="split of the manifest of --textures")
+    options = parser.parse_args(arguments)
+    if options.textures is not None:
+        find_donor_photos(options.textures, split=options.textures_split)
+    load_tensorflow()
+    from laesi_tf.benchmarks import filter_faults
+
+    metrics = filter_faults.measure_filter(
+        count=options.count,
+        seed=options.seed,
+        size=options.size,
+        ranges=options.ranges,
+        max_deviation=options.max_deviation,
+        mask_run=options.mask_run,
+        textures=options.textures,
+        textures_split=options.textures_split,
+    )
+    if options.json is not None:
+        write_json(options.json, metrics)
+    print(filter_faults.format_table(metrics))
+
+
 def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, int]) -> None:
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the scenes")
     parser.add_argument(
@@ -250,6 +302,7 @@ BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
     "folder": benchmark_folder,
     "fuzz": benchmark_fuzz,
     "accuracy": benchmark_accuracy,
+    "filter": benchmark_filter,
 }
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
-from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
+from laesi_tf.common.parsing import image_size, non_negative_int, positive_int, shard_fraction
 from laesi_tf.data.dataset_spec import FORMATS, SPEC_FILE, DatasetSpec
 
 
@@ -78,19 +78,12 @@ def _make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--per-shard", type=positive_int, default=1000, metavar="N", help="images in a shard")
     parser.add_argument(
         "--shard",
-        type=_parse_shard_fraction,
+        type=shard_fraction,
         default=(0, 1),
         metavar="I/N",
         help="generate part I of N only, counted from 0 (default: 0/1, all)",
     )
     return parser
-
-
-def _parse_shard_fraction(text: str) -> tuple[int, int]:
-    index, _, parts = text.partition("/")
-    if not (index.isdigit() and parts.isdigit() and int(index) < int(parts)):
-        raise argparse.ArgumentTypeError(f"{text!r} is not I/N with I from 0 to N - 1")
-    return int(index), int(parts)
 
 
 if __name__ == "__main__":

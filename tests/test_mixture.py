@@ -196,6 +196,6 @@ def test_a_truncated_shard_is_named_by_train(write: Write, tmp_path: Path) -> No
     shard = tmp_path / "dataset" / SPEC.shard_name(0)
     shard.write_bytes(shard.read_bytes()[:-20])
     arguments = [f"--mixture={path}", f"--out={tmp_path / 'run'}", "--size=48x64", "--weights=none"]
-    with pytest.raises(InputError, match=rf"{shard.name} is truncated; run generate again"):
+    with pytest.raises(InputError, match=rf"{shard.name} is truncated; run the command that wrote it again"):
         train.main(arguments)
     assert not (tmp_path / "run").exists()

@@ -152,7 +152,7 @@ def test_damaged_shards_are_named(folder: Path, tmp_path: Path, damage, message:
     damage(shard)
     assert message in str(tfrecords.find_damage(shard, count=4))
     if damage is not damage_by_changing_a_byte:  # reading its lengths alone does not show it
-        with pytest.raises(InputError, match=f"{shard.name} is truncated; run generate again"):
+        with pytest.raises(InputError, match=f"{shard.name} is truncated; run the command that wrote"):
             tfrecords.shuffle_samples(copy, seed=0)
 
 

@@ -11,12 +11,15 @@ import sys
 from collections.abc import Iterator
 
 
-def load_tensorflow(*, quick_compilation: bool = False, is_reproducible: bool = False) -> None:
+def load_tensorflow(
+    *, quick_compilation: bool = False, is_reproducible: bool = False, uses_gpu: bool = True
+) -> None:
     """Import TensorFlow, let it look for GPUs, and hide all messages but errors.
 
     With `quick_compilation`, XLA optimises less: for a few images, compiling takes longer than rendering.
     With `is_reproducible`, oneDNN is not used: it changes the seventh digit of a scale from one process
-    to the next, and now and then a number in a table.
+    to the next, and now and then a number in a table. Without `uses_gpu`, GPUs are left to other libraries:
+    TensorFlow would take all of their memory.
     """
     # Where TensorFlow is imported already, variables would only reach processes that start from here.
     if "tensorflow" not in sys.modules:
@@ -32,6 +35,8 @@ def load_tensorflow(*, quick_compilation: bool = False, is_reproducible: bool = 
         import tensorflow
 
         tensorflow.config.list_physical_devices()
+        if not uses_gpu:
+            tensorflow.config.set_visible_devices([], "GPU")
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""Parse the numbers and image sizes of command-line flags; each function is a `type` for argparse."""
+"""Parse the numbers, image sizes and shares of command-line flags; each function is a `type` for argparse."""
 
 import argparse
 import math
@@ -36,3 +36,11 @@ def image_size(text: str) -> tuple[int, int]:
     if len(parts) > 2 or not all(part.isdigit() and 16 <= int(part) <= 8192 for part in parts):
         raise argparse.ArgumentTypeError(f"{text!r} is not a side or HEIGHTxWIDTH between 16 and 8192 pixels")
     return int(parts[0]), int(parts[-1])
+
+
+def shard_fraction(text: str) -> tuple[int, int]:
+    """Parse `I/N`, part I of N counted from 0, as (I, N)."""
+    index, _, parts = text.partition("/")
+    if not (index.isdigit() and parts.isdigit() and int(index) < int(parts)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not I/N with I from 0 to N - 1")
+    return int(index), int(parts)

@@ -79,7 +79,7 @@ def from_table(cls: type[T], table: Mapping[str, Any], *, where: str = "") -> T:
 
 
 def add_option_arguments(
-    parser: argparse.ArgumentParser,
+    parser: argparse._ActionsContainer,
     cls: type[Any],
     *,
     describe_default: Callable[[dataclasses.Field[Any]], str] | None = None,

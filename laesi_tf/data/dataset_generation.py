@@ -45,14 +45,14 @@ def generate_dataset(
     start_dataset(out, spec)
     shard_format = SHARD_FORMATS[spec.format]
     shards = range(shard_fraction[0], spec.shards, shard_fraction[1])
-    missing = _find_missing(shards, spec, out)
+    missing = find_missing_shards(shards, spec, out, remedy="generated again")
     started, generated = time.monotonic(), 0
     total = sum(len(spec.sample_indices(shard)) for shard in missing)
     bar: Any = progress_bar([], total=total, unit="image")
     samples = _render_shards(spec, ranges, missing, bar)
     for shard in missing:
         path, count = out / spec.shard_name(shard), len(spec.sample_indices(shard))
-        _remove_partial_shard(path)
+        remove_partial_shard(path)
         shard_format.write(path, itertools.islice(samples, count), spec)
         generated += count
     bar.close()
@@ -65,13 +65,16 @@ def generate_dataset(
         "shards_already_there": len(shards) - len(missing),
         "seconds": seconds,
         "images_per_s": generated / seconds if generated else 0.0,
-        "mb": sum(_size_bytes(out / spec.shard_name(shard)) for shard in shards) / 1e6,
+        "mb": sum(size_bytes(out / spec.shard_name(shard)) for shard in shards) / 1e6,
         "peak_rss_mb": peak_rss_mb(),
     }
 
 
-def _find_missing(shards: Sequence[int], spec: DatasetSpec, out: Path) -> list[int]:
-    """Return the shards that do not exist or are damaged; remove the damaged ones."""
+def find_missing_shards(shards: Sequence[int], spec: DatasetSpec, out: Path, *, remedy: str) -> list[int]:
+    """Return the shards that do not exist or are damaged; remove the damaged ones.
+
+    A warning names each damaged shard and says that it is `remedy`, such as "generated again".
+    """
     missing = []
     for shard in progress_bar(shards, desc="checking", unit="shard"):
         path = out / spec.shard_name(shard)
@@ -80,13 +83,13 @@ def _find_missing(shards: Sequence[int], spec: DatasetSpec, out: Path) -> list[i
             continue
         damage = SHARD_FORMATS[spec.format].find_damage(path, count=len(spec.sample_indices(shard)))
         if damage is not None:
-            warnings.warn(f"{path} is damaged and is generated again: {damage}", stacklevel=3)
+            warnings.warn(f"{path} is damaged and is {remedy}: {damage}", stacklevel=3)
             _remove(path)
             missing.append(shard)
     return missing
 
 
-def _remove_partial_shard(path: Path) -> None:
+def remove_partial_shard(path: Path) -> None:
     """Remove temporary files that a killed process left beside a shard."""
     for partial in path.parent.glob(f".{path.stem}-*"):
         _remove(partial)
@@ -119,6 +122,7 @@ def _render_shards(
             bar.update()
 
 
-def _size_bytes(path: Path) -> int:
+def size_bytes(path: Path) -> int:
+    """Return the size of a file, or of all files in a folder."""
     files = path.rglob("*") if path.is_dir() else [path]
     return sum(file.stat().st_size for file in files if file.is_file())

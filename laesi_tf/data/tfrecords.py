@@ -7,6 +7,9 @@ image      JPEG of quality 95 without chroma subsampling      area_cm2, px_per_m
 mask       PNG, 0 and 255                                      to_px                           9 floats
 edges      PNG, Canny edges of the mask                        seed, index                     int64
 prompt     text for an image generator, UTF-8
+
+Commands that change a data set add features of their own, which readers of these ignore: see
+`laesi_tf.inpainting.repainting` and `laesi_tf.inpainting.filtering`.
 """
 
 import struct
@@ -125,11 +128,11 @@ def check_shards(folder: Path, spec: DatasetSpec) -> list[str]:
     if missing:
         raise InputError(
             f"{folder} lacks {len(missing)} of {len(paths)} shards, the first {missing[0]}; "
-            "run generate again, which continues"
+            "run the command that wrote it again, which continues"
         )
     for shard, path in enumerate(paths):
         if count_records(path) != len(spec.sample_indices(shard)):
-            raise InputError(f"{path} is truncated; run generate again, which replaces it")
+            raise InputError(f"{path} is truncated; run the command that wrote it again, which replaces it")
     return [str(path) for path in paths]
 
 

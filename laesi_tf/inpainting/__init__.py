@@ -1,0 +1,1 @@
+"""Repaint the leaves of synthetic images, and drop those that no longer fit their masks."""
