@@ -10,14 +10,17 @@ import os
 import sys
 from collections.abc import Iterator
 
+from laesi_tf.common.tensorflow import require_tensorflow
+
 
 def load_tensorflow(*, quick_compilation: bool = False, is_reproducible: bool = False) -> None:
     """Import TensorFlow, let it look for GPUs, and hide all messages but errors.
 
     With `quick_compilation`, XLA optimises less: for a few images, compiling takes longer than rendering.
     With `is_reproducible`, oneDNN is not used: it changes the seventh digit of a scale from one process
-    to the next, and now and then a number in a table.
+    to the next, and now and then a number in a table. Raises InputError where it is not installed.
     """
+    require_tensorflow()
     # Where TensorFlow is imported already, variables would only reach processes that start from here.
     if "tensorflow" not in sys.modules:
         if is_reproducible:
