@@ -90,7 +90,7 @@ def test_several_leaves_are_guessed_by_the_scale(sheet_reader: SheetReader, gues
     two = np.concatenate([photo(300, 300)] * 2, axis=1)
     refused = RulingEstimator(mask_estimator, sheet_reader, guesser=guesser).measure(two)
     assert refused.refusal is not None and "no scale" in refused.refusal
-    with_scale = WithScale(area_network(SIZE), SIZE, "none")
+    with_scale = WithScale(lambda _: (1.0, 5.0), SIZE)
     guessed = RulingEstimator(mask_estimator, sheet_reader, guesser=with_scale).measure(two)
     assert guessed.method == "silhouette x scale of the area model, no ruling read"
     expected = 2 * np.pi * 90**2 / 5.0**2 / 100

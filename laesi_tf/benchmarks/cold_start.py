@@ -17,7 +17,7 @@ def time_starts(photos: Sequence[Path], *, repeats: int, arguments: Sequence[str
 
     Further `arguments` go to `predict`. Raises InputError if a process fails.
     """
-    first, whole, peaks = [], [], []
+    first, whole, cpu, peaks = [], [], [], []
     for photo in progress_bar([photo for photo in photos for _ in range(repeats)], desc="starts"):
         with tempfile.TemporaryDirectory(prefix="laesi-start-") as folder:
             run = run_predict(photo, Path(folder), arguments)
@@ -25,12 +25,14 @@ def time_starts(photos: Sequence[Path], *, repeats: int, arguments: Sequence[str
             raise InputError(f"predict ended with status {run.exit_status}: {run.messages.strip()}")
         first.append(run.first_photo_s)
         whole.append(run.seconds)
+        cpu.append(run.cpu_s)
         peaks.append(run.peak_mb)
     return {
         "photos": len(photos),
         "repeats": repeats,
         **_summarise("first_area_s", first),
         **_summarise("whole_s", whole),
+        **_summarise("cpu_s", cpu),
         **_summarise("peak_mb", peaks),
         "largest_peak_mb": max(peaks),
         **describe_hardware(),
@@ -42,6 +44,7 @@ def format_table(metrics: Mapping[str, Any]) -> str:
     rows = [
         format_row("start of the process to first area, s", *_cells(metrics, "first_area_s", 2)),
         format_row("to its end, s", *_cells(metrics, "whole_s", 2)),
+        format_row("processor time to its end, s", *_cells(metrics, "cpu_s", 2)),
         format_row("peak memory, MB", *_cells(metrics, "peak_mb", 0)),
     ]
     machine = "{photos} photos, {repeats} starts each, {machine}, {cores} cores, LiteRT {litert}, {date}"
