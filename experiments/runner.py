@@ -14,9 +14,9 @@ from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.paths import MEASURED, MIXTURE, SETTINGS
 from laesi_tf.common.atomic_files import read_json, write_json
 from laesi_tf.common.errors import InputError
-from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
+from laesi_tf.estimators.keras_networks import make_area_estimator
 from laesi_tf.evaluation.photo_scores import score_photos, summarise
 from laesi_tf.models.saved_model import Run, load_run
 from laesi_tf.training import run_directory
@@ -26,7 +26,7 @@ from laesi_tf.training.tasks import make_task
 
 _EVALUATED_SPLITS = ("val", "test")
 _ESTIMATORS: Mapping[str, Callable[[Run], Estimator]] = {
-    "area": lambda run: AreaEstimator(run.model, run.spec.size, run.spec.transform),
+    "area": lambda run: make_area_estimator(run.model, run.spec.size, run.spec.transform),
     "mask": lambda run: MaskOnlyEstimator(run.model, run.spec.size),
 }
 

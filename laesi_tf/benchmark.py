@@ -104,6 +104,25 @@ def benchmark_photo(arguments: Sequence[str]) -> None:
     print(format_table(metrics))
 
 
+def benchmark_start(arguments: Sequence[str]) -> None:
+    """Time `predict` from the start of its process to the first area, and measure its memory."""
+    parser = make_parser("benchmark start", benchmark_start.__doc__)
+    parser.add_argument(
+        "photos", nargs="+", metavar="PHOTO", help="photos or folders, a process for each photo"
+    )
+    parser.add_argument(
+        "--repeats", type=positive_int, default=5, metavar="N", help="processes for each photo"
+    )
+    options = parser.parse_args(arguments)
+    photos = [photo.path for photo in find_photos(options.photos).photos]
+    from laesi_tf.benchmarks import cold_start
+
+    metrics = cold_start.time_starts(photos, repeats=options.repeats)
+    if options.json is not None:
+        write_json(options.json, metrics)
+    print(cold_start.format_table(metrics))
+
+
 def benchmark_sensitivity(arguments: Sequence[str]) -> None:
     """Halve and double each parameter of an estimator; show how its error, coverage and refusals change."""
     parser = make_parser("benchmark sensitivity", benchmark_sensitivity.__doc__)
@@ -129,7 +148,7 @@ def benchmark_sensitivity(arguments: Sequence[str]) -> None:
     from laesi_tf.benchmarks import sensitivity
     from laesi_tf.estimators.factory import load_estimator
 
-    estimator = sensitivity.require_tunable(load_estimator(**model_options(options)))
+    estimator = sensitivity.require_tunable(load_estimator(**model_options(options), in_keras=True))
     parameters = sensitivity.select_parameters(estimator.params, options.parameters)
     if photos is None:
         labelled = sensitivity.render_photos(options.scenes, seed=options.seed, size=options.size)
@@ -298,6 +317,7 @@ def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, in
 BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
     "synthesis": benchmark_synthesis,
     "photo": benchmark_photo,
+    "start": benchmark_start,
     "sensitivity": benchmark_sensitivity,
     "folder": benchmark_folder,
     "fuzz": benchmark_fuzz,

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.model_arguments import add_model_arguments, model_options
-from laesi_tf.cli.tensorflow_setup import load_tensorflow
+from laesi_tf.cli.memory import return_large_blocks
+from laesi_tf.cli.model_arguments import add_model_arguments, load_tensorflow_if_needed, model_options
+from laesi_tf.cli.tensorflow_setup import suppress_stderr
 from laesi_tf.common.atomic_files import require_distinct, require_writable, write_csv, write_json
 from laesi_tf.common.text import round_for_table, sanitise_text
 from laesi_tf.data.manifest import read_manifest
@@ -48,10 +49,12 @@ def main(arguments: Sequence[str]) -> None:
     require_distinct((table, worst, *([options.json] if options.json else [])), inputs)
     for path in (table, worst):
         require_writable(path)
-    load_tensorflow()
+    return_large_blocks()
+    load_tensorflow_if_needed(options)
     from laesi_tf.estimators.factory import load_estimator
 
-    estimator = load_estimator(**model_options(options))
+    with suppress_stderr():
+        estimator = load_estimator(**model_options(options))
     scores = score_photos(estimator, photos)
     summaries = {name: summarise(group) for name, group in group_by_subset(scores).items()}
     write_csv(table, _HEADER, map(_make_row, scores))

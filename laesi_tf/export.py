@@ -1,13 +1,16 @@
-"""Export networks for use elsewhere: LiteRT files for phones, or a run with float16 weights for Keras.
+"""Export networks for use elsewhere: LiteRT files for phones, or runs with float16 weights.
 
 `--format litert` writes the whole measurement, photo in and cm2 out, and the area and mask networks alone, in
 several precisions. Every file is opened again and measured on the same pictures as the estimator that it
-comes from; one that is over 0.5 points worse is not kept, and the exit status is 1.
+comes from; one that is over 0.5 points worse is not kept, and the exit status is 1. `--format keras` writes
+one run with float16 weights. `--format package` writes three, with their networks for LiteRT beside the
+weights: measuring with them needs no TensorFlow. Their areas are compared, with the same exit status.
 """
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
@@ -15,8 +18,11 @@ from laesi_tf.cli.tensorflow_setup import load_tensorflow, suppress_stderr
 from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_int
-from laesi_tf.common.run_files import CONFIG_FILE, EXPORTED_WEIGHTS_FILE
+from laesi_tf.common.run_files import CONFIG_FILE, EXPORTED_WEIGHTS_FILE, PRETRAINED
 from laesi_tf.data.manifest import read_manifest
+
+if TYPE_CHECKING:
+    from laesi_tf.exporting.app_folder import Networks
 
 _PRECISIONS = ("float32", "float16", "dynamic", "int8")
 _DEFAULT_PRECISIONS = ("float32", "float16")
@@ -28,6 +34,8 @@ def main(arguments: Sequence[str]) -> None:
     options = _make_parser().parse_args(arguments)
     if options.format == "keras":
         _export_keras(options)
+    elif options.format == "package":
+        _export_package(options)
     else:
         _export_litert(options)
 
@@ -63,8 +71,7 @@ def _export_litert(options: argparse.Namespace) -> None:
     photos = None if options.photos is None else read_manifest(options.photos, split=options.split)
     require_writable(options.out / "README.md")
     load_tensorflow()
-    from laesi_tf.estimators.factory import load_run_of
-    from laesi_tf.exporting.app_folder import Networks, export_litert, write_guide
+    from laesi_tf.exporting.app_folder import export_litert, write_guide
     from laesi_tf.exporting.litert_check import (
         HEADER,
         load_pictures,
@@ -72,13 +79,8 @@ def _export_litert(options: argparse.Namespace) -> None:
         render_pictures,
         to_json,
     )
-    from laesi_tf.models.saved_model import PRETRAINED
 
-    networks = Networks(
-        area=load_run_of("area", options.run or PRETRAINED / "area"),
-        mask=load_run_of("mask", options.mask_run or PRETRAINED / "mask"),
-        ruling=load_run_of("ruling", options.ruling_run or PRETRAINED / "ruling"),
-    )
+    networks = _load_networks(options)
     options.out.mkdir(parents=True, exist_ok=True)
     scenes = render_pictures(options.scenes if photos is None else 1)
     pictures = scenes if photos is None else load_pictures(photos)
@@ -101,14 +103,51 @@ def _export_litert(options: argparse.Namespace) -> None:
         raise SystemExit(1)
 
 
+def _export_package(options: argparse.Namespace) -> None:
+    """Write exported runs with their networks for LiteRT, and print how their areas differ."""
+    photos = None if options.photos is None else read_manifest(options.photos, split=options.split)
+    require_writable(options.out / "area" / CONFIG_FILE)
+    load_tensorflow(is_reproducible=True)
+    from laesi_tf.exporting.litert_check import HEADER, load_pictures, render_pictures, to_json
+    from laesi_tf.exporting.package import check_package, export_package
+
+    print("converting the reader of rulings takes two minutes", flush=True)
+    with suppress_stderr():
+        export_package(_load_networks(options), options.out)
+    pictures = render_pictures(options.scenes) if photos is None else load_pictures(photos)
+    print(f"{len(pictures)} pictures")
+    print(HEADER)
+    scores = []
+    for score in check_package(options.out, pictures):
+        scores.append(score)
+        print(score.as_row(), flush=True)
+    if options.json is not None:
+        write_json(options.json, {"files": to_json(scores), "pictures": len(pictures)})
+    print(f"written: {options.out}")
+    if not all(score.is_kept for score in scores):
+        raise SystemExit(1)
+
+
+def _load_networks(options: argparse.Namespace) -> "Networks":
+    """Load the runs that the options name, or the shipped ones. Raises InputError."""
+    from laesi_tf.estimators.keras_networks import load_run_of
+    from laesi_tf.exporting.app_folder import Networks
+
+    return Networks(
+        area=load_run_of("area", options.run or PRETRAINED / "area"),
+        mask=load_run_of("mask", options.mask_run or PRETRAINED / "mask"),
+        ruling=load_run_of("ruling", options.ruling_run or PRETRAINED / "ruling"),
+    )
+
+
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("export", __doc__)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write")
     parser.add_argument(
         "--format",
-        choices=("litert", "keras"),
+        choices=("litert", "keras", "package"),
         default="litert",
-        help="what to write: files for phones, or a run",
+        help="what to write: files for phones, a run, or runs as the package ships them",
     )
     for option, what in (
         ("--run", "area; with --format keras, of any task"),

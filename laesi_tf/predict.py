@@ -7,12 +7,12 @@ there: after an interruption the same command continues.
 
 import argparse
 import contextlib
-import sys
 from collections.abc import Sequence
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.model_arguments import add_model_arguments, model_options
+from laesi_tf.cli.memory import return_large_blocks
+from laesi_tf.cli.model_arguments import add_model_arguments, load_tensorflow_if_needed, model_options
 from laesi_tf.cli.output_arguments import add_output_arguments, overlay_side
 from laesi_tf.cli.scale_arguments import (
     OF_FILE,
@@ -21,7 +21,7 @@ from laesi_tf.cli.scale_arguments import (
     has_known_scale,
     scale_px_per_mm,
 )
-from laesi_tf.cli.tensorflow_setup import load_tensorflow
+from laesi_tf.cli.tensorflow_setup import suppress_stderr
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_int
 from laesi_tf.common.text import sanitise_text
@@ -77,14 +77,16 @@ def _measure(
     finished: int,
 ) -> None:
     """Load the estimator and measure `tasks`."""
-    if sys.stderr is not None and sys.stderr.isatty():
-        print("loading the networks; the first photo takes some seconds longer", file=sys.stderr)
-    load_tensorflow(is_reproducible=True)
+    return_large_blocks()
+    load_tensorflow_if_needed(options)
+    # Not before the arguments are parsed: --help need not wait for LiteRT.
     from laesi_tf.estimators import factory
     from laesi_tf.measuring.photo_worker import PhotoWorker
 
+    with suppress_stderr():
+        estimator = factory.load_estimator(**model_options(options), has_known_scale=has_known_scale(options))
     worker = PhotoWorker(
-        estimator=factory.load_estimator(**model_options(options), has_known_scale=has_known_scale(options)),
+        estimator=estimator,
         folder=options.out,
         info=PhotoInfo(px_per_mm=scale_px_per_mm(options), grid_mm=options.grid_mm),
         uses_dpi_of_file=options.dpi == OF_FILE,

@@ -87,10 +87,18 @@ def free_memory() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def sheet_reader() -> Any:
-    """Load the shipped reader of rulings, which is traced once for all tests that read photos."""
+    """Load the shipped reader of rulings, in LiteRT."""
     from laesi_tf.estimators.factory import load_shipped_reader
 
     return load_shipped_reader()
+
+
+@pytest.fixture(scope="session")
+def keras_sheet_reader() -> Any:
+    """Load the same reader in TensorFlow, which is traced once for all tests that need it."""
+    from laesi_tf.estimators.factory import load_shipped_reader
+
+    return load_shipped_reader(in_keras=True)
 
 
 @pytest.fixture(scope="session")

@@ -17,11 +17,13 @@ def convert_photo_file(path: Path) -> None:
     """Convert the graph here."""
     from green import mask_network
 
-    from laesi_tf.estimators.factory import load_shipped_reader
+    from laesi_tf.common.run_files import PRETRAINED
     from laesi_tf.estimators.graph.photo_graph import PhotoGraph
+    from laesi_tf.estimators.keras_networks import load_run_of
     from laesi_tf.estimators.litert_file import write_litert_file
+    from laesi_tf.estimators.ruling.ruling_graph import RulingGraph
     from laesi_tf.exporting.litert import convert, describe
 
-    graph = PhotoGraph(mask_network(SIZE), load_shipped_reader())
+    graph = PhotoGraph(mask_network(SIZE), RulingGraph(load_run_of("ruling", PRETRAINED / "ruling").model))
     model = convert((graph, graph.measure.get_concrete_function()), "float32")
     write_litert_file(path, model, describe("photo", {}))

@@ -181,3 +181,15 @@ def test_photos_are_measured_at_their_size_and_the_first_does_not_count(
     assert figures["measure_ms"] == pytest.approx(30) and figures["decode_ms"] == 0
     assert figures["methods"] == ["slow"] and figures["photos"] == 3
     assert photo_speed._scene_size((3000, 4000)) == (1200, 1600)
+
+
+def test_starts_are_timed_in_processes_of_their_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figures = tmp_path / "start.json"
+    sample = Path(__file__).parents[1] / "docs/sample/leaf.jpg"
+    benchmark.main(["start", str(sample), "--repeats", "1", "--json", str(figures)])
+    metrics = json.loads(figures.read_text(encoding="utf-8"))
+    assert 0 < metrics["first_area_s"] <= metrics["whole_s"]
+    assert 0 < metrics["peak_mb"] == metrics["largest_peak_mb"]
+    assert "start of the process to first area" in capsys.readouterr().out

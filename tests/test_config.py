@@ -5,12 +5,12 @@ import pytest
 
 from laesi_tf.common import schema
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.run_files import PRETRAINED
 from laesi_tf.data.augmentation import AUGMENTATIONS
 from laesi_tf.models.area_network import LOSSES as AREA_LOSSES
 from laesi_tf.models.area_network import TRANSFORMS
 from laesi_tf.models.backbone import BACKBONES
 from laesi_tf.models.mask_network import LOSSES as MASK_LOSSES
-from laesi_tf.models.saved_model import PRETRAINED
 from laesi_tf.training import config, config_files
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.optimizers import OPTIMIZERS

@@ -11,16 +11,15 @@ from estimator_conformance import EstimatorConformance
 from green import area_network, disk, mask_network, photo, save_run
 
 from laesi_tf.common.errors import InputError
-from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.factory import load_estimator
+from laesi_tf.estimators.keras_networks import make_area_estimator, make_mask_estimator
 from laesi_tf.estimators.leaf_outline import (
     LeafOutlineParams,
     looks_like_coin,
     looks_like_note,
     looks_like_pen,
 )
-from laesi_tf.estimators.mask_estimator import MaskEstimator
 
 SIZE = (64, 64)
 
@@ -29,46 +28,46 @@ class TestAreaEstimator(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
-        return AreaEstimator(area_network(SIZE), SIZE, "none")
+        return make_area_estimator(area_network(SIZE), SIZE, "none")
 
 
 class TestMaskEstimator(EstimatorConformance):
     @pytest.fixture(scope="class")
     @classmethod
     def estimator(cls) -> Estimator:
-        return MaskEstimator(mask_network(SIZE), SIZE)
+        return make_mask_estimator(mask_network(SIZE), SIZE)
 
 
 def test_area_network_gets_the_whole_photo_with_square_pixels() -> None:
-    estimator = AreaEstimator(area_network((64, 64)), (64, 64), "none")
+    estimator = make_area_estimator(area_network((64, 64)), (64, 64), "none")
     landscape = estimator.measure(photo(300, 600)).area_cm2
     # A disk of 0.3 of the shorter side, which is half of the input's side; the rest is padding.
     assert landscape == pytest.approx(100 * math.pi * 0.15**2, rel=0.05)
 
 
 def test_area_estimator_inverts_the_transform() -> None:
-    plain = AreaEstimator(area_network(SIZE), SIZE, "none").measure(photo(200, 200)).area_cm2
-    root = AreaEstimator(area_network(SIZE), SIZE, "sqrt").measure(photo(200, 200)).area_cm2
+    plain = make_area_estimator(area_network(SIZE), SIZE, "none").measure(photo(200, 200)).area_cm2
+    root = make_area_estimator(area_network(SIZE), SIZE, "sqrt").measure(photo(200, 200)).area_cm2
     assert plain is not None and root == pytest.approx(plain**2)
 
 
 def test_area_estimator_refuses_output_that_is_not_finite() -> None:
     picture = keras.Input((*SIZE, 3))
     broken = keras.Model(picture, keras.layers.Rescaling(math.nan)(keras.layers.Dense(1)(picture[:, 0, 0])))
-    measured = AreaEstimator(broken, SIZE, "none").measure(photo(100, 100))
+    measured = make_area_estimator(broken, SIZE, "none").measure(photo(100, 100))
     assert measured.refusal is not None and measured.area_cm2 is None
 
 
 @pytest.mark.parametrize("size", [(300, 300), (300, 450), (450, 300), (1200, 900)])
 def test_mask_lies_on_the_leaf_at_the_photos_size(size: tuple[int, int]) -> None:
-    mask = MaskEstimator(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
+    mask = make_mask_estimator(mask_network((96, 96)), (96, 96)).measure(photo(*size)).mask
     assert mask is not None and mask.shape == size
     true = disk(*size)
     assert (mask & true).sum() / (mask | true).sum() > 0.95
 
 
 def test_mask_times_given_scale_is_the_area() -> None:
-    measured = MaskEstimator(mask_network((96, 96)), (96, 96)).measure(
+    measured = make_mask_estimator(mask_network((96, 96)), (96, 96)).measure(
         photo(600, 600), PhotoInfo(px_per_mm=4.0)
     )
     assert measured.area_cm2 == pytest.approx(math.pi * 180**2 / 4**2 / 100, rel=0.02)
@@ -76,7 +75,7 @@ def test_mask_times_given_scale_is_the_area() -> None:
 
 
 def test_without_scale_the_area_is_refused_and_the_mask_given() -> None:
-    measured = MaskEstimator(mask_network(SIZE), SIZE).measure(photo(200, 200))
+    measured = make_mask_estimator(mask_network(SIZE), SIZE).measure(photo(200, 200))
     assert measured.refusal is not None and "px_per_mm" in measured.refusal
     assert measured.area_cm2 is None and measured.mask is not None and measured.leaves[0].outline is not None
 
@@ -84,13 +83,13 @@ def test_without_scale_the_area_is_refused_and_the_mask_given() -> None:
 def test_small_fragments_are_no_leaves() -> None:
     image = photo(200, 200)
     image[5:15, 5:15] = (40, 160, 40)
-    mask = MaskEstimator(mask_network((100, 100)), (100, 100)).measure(image).mask
+    mask = make_mask_estimator(mask_network((100, 100)), (100, 100)).measure(image).mask
     assert mask is not None and mask[100, 100] and not mask[:30, :30].any()
 
 
 def test_no_leaf_is_refused() -> None:
     blank = np.full((100, 100, 3), 240, np.uint8)
-    measured = MaskEstimator(mask_network(SIZE), SIZE).measure(blank, PhotoInfo(px_per_mm=4.0))
+    measured = make_mask_estimator(mask_network(SIZE), SIZE).measure(blank, PhotoInfo(px_per_mm=4.0))
     assert measured.refusal is not None and "no leaf" in measured.refusal
     assert measured.mask is not None and not measured.mask.any()
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from laesi_tf.common.metrics import relative_errors
+from laesi_tf.common.run_files import PRETRAINED
 from laesi_tf.data.synthetic import synthetic_samples
 from laesi_tf.estimators.factory import load_estimator
-from laesi_tf.models.saved_model import PRETRAINED
 
 SCENES = golden_scenes.read()
 

@@ -5,8 +5,8 @@ import pytest
 from green import LEAF, PAPER, mask_network
 
 from laesi_tf.estimators.base import PhotoInfo, sort_in_reading_order
+from laesi_tf.estimators.keras_networks import make_mask_estimator
 from laesi_tf.estimators.leaf_detector import LeafDetector
-from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX, PhotoPyramid
 from laesi_tf.models.inference import compile_inference
 
@@ -23,7 +23,7 @@ def draw_sheet(discs: list[tuple[int, int, int]], size: tuple[int, int] = (900, 
 
 
 def measure(image: np.ndarray):
-    return MaskEstimator(mask_network(SIZE), SIZE).measure(image, PhotoInfo(px_per_mm=10.0))
+    return make_mask_estimator(mask_network(SIZE), SIZE).measure(image, PhotoInfo(px_per_mm=10.0))
 
 
 @pytest.mark.parametrize("radius", [30, 60, 100])

@@ -12,8 +12,8 @@ from test_ruling_estimator import MILLIMETRES, draw_disk
 
 from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.factory import load_estimator
+from laesi_tf.estimators.keras_networks import make_mask_estimator
 from laesi_tf.estimators.litert_estimator import LiteRtEstimator
-from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
 
@@ -36,7 +36,7 @@ def litert(photo_file: Path) -> Estimator:
 
 @pytest.fixture(scope="module")
 def ruling_estimator(sheet_reader: SheetReader) -> RulingEstimator:
-    return RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), sheet_reader)
+    return RulingEstimator(make_mask_estimator(mask_network(SIZE), SIZE), sheet_reader)
 
 
 class TestLiteRtEstimator(EstimatorConformance):

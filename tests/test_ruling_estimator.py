@@ -9,7 +9,7 @@ from green import LEAF, area_network, disk, mask_network, photo
 
 from laesi_tf.estimators.area_estimator import AreaEstimator, AreaPrediction
 from laesi_tf.estimators.base import Estimator, PhotoInfo
-from laesi_tf.estimators.mask_estimator import MaskEstimator
+from laesi_tf.estimators.keras_networks import make_area_estimator, make_mask_estimator
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
@@ -20,17 +20,17 @@ MILLIMETRES = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
 
 @pytest.fixture(scope="module")
 def guesser() -> AreaEstimator:
-    return AreaEstimator(area_network(SIZE), SIZE, "none")
+    return make_area_estimator(area_network(SIZE), SIZE, "none")
 
 
 @pytest.fixture(scope="module")
 def ruling_estimator(sheet_reader: SheetReader) -> RulingEstimator:
-    return RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), sheet_reader)
+    return RulingEstimator(make_mask_estimator(mask_network(SIZE), SIZE), sheet_reader)
 
 
 @pytest.fixture(scope="module")
 def guessing(sheet_reader: SheetReader, guesser: AreaEstimator) -> RulingEstimator:
-    return RulingEstimator(MaskEstimator(mask_network(SIZE), SIZE), sheet_reader, guesser=guesser)
+    return RulingEstimator(make_mask_estimator(mask_network(SIZE), SIZE), sheet_reader, guesser=guesser)
 
 
 class TestRulingEstimator(EstimatorConformance):
@@ -86,11 +86,11 @@ def test_without_a_ruling_the_photo_is_refused(
 
 
 def test_several_leaves_are_guessed_by_the_scale(sheet_reader: SheetReader, guesser: AreaEstimator) -> None:
-    mask_estimator = MaskEstimator(mask_network(SIZE), SIZE)
+    mask_estimator = make_mask_estimator(mask_network(SIZE), SIZE)
     two = np.concatenate([photo(300, 300)] * 2, axis=1)
     refused = RulingEstimator(mask_estimator, sheet_reader, guesser=guesser).measure(two)
     assert refused.refusal is not None and "no scale" in refused.refusal
-    with_scale = WithScale(area_network(SIZE), SIZE, "none")
+    with_scale = WithScale(lambda _: (1.0, 5.0), SIZE)
     guessed = RulingEstimator(mask_estimator, sheet_reader, guesser=with_scale).measure(two)
     assert guessed.method == "silhouette x scale of the area model, no ruling read"
     expected = 2 * np.pi * 90**2 / 5.0**2 / 100

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from laesi_tf.estimators.ruling import judge
 from laesi_tf.estimators.ruling.least_squares import solve_normal
-from laesi_tf.estimators.ruling.params import RulingReaderParams
+from laesi_tf.estimators.ruling.params import RulingReaderParams, VoteParams
 from laesi_tf.estimators.ruling.reading import Reading, read_sheet
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
-from laesi_tf.estimators.ruling.spectra import build_pyramid
+from laesi_tf.estimators.ruling.spectra import build_pyramid, join_levels
 from laesi_tf.estimators.ruling.stage import compile_stage
-from laesi_tf.estimators.ruling.verdict import is_before_camera
-from laesi_tf.estimators.ruling.votes import VoteParams, collect_votes
+from laesi_tf.estimators.ruling.verdict import is_before_camera, state_verdict
+from laesi_tf.estimators.ruling.votes import collect_votes
 from laesi_tf.models import ruling_cells as cells
 
 PARAMS = RulingReaderParams()
@@ -30,7 +30,7 @@ TENS, FIVES, PLAIN = {1.0: 0.6, 10.0: 1.0}, {1.0: 0.5, 5.0: 0.9}, {1.0: 0.8}
 def compiled_reader():
     return tf.function(
         lambda frame, size, *flat: read_sheet(
-            build_pyramid(frame, cells.LEVELS),
+            join_levels(build_pyramid(frame, cells.LEVELS)),
             size,
             collect_votes(
                 [cells.CellAnswers(*flat[i : i + 4]) for i in range(0, len(flat), 4)],
@@ -66,7 +66,10 @@ def read(view: View, photo: np.ndarray, **options: float) -> Reading:
 
 def judged(view: View, reading: Reading, grid_mm: float | None = None) -> judge.SheetReading:
     size = (view.height, view.width)
-    return judge.judge_reading(reading, size, (1.0, 1.0), grid_mm=grid_mm, params=PARAMS.judge)
+    frame, named = (tf.constant(value, tf.float32) for value in (size, grid_mm or 0.0))
+    verdict = state_verdict(reading, frame, named, params=PARAMS.judge)
+    scale_error = PARAMS.judge.scale_error
+    return judge.judge_verdict(verdict, size, (1.0, 1.0), grid_mm=grid_mm, scale_error=scale_error)
 
 
 def scale_errors(view: View, result: judge.SheetReading) -> np.ndarray:

@@ -20,10 +20,9 @@ from laesi_tf.benchmarks.sensitivity import (
     to_json,
 )
 from laesi_tf.common.errors import InputError
-from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea, EasyLeafAreaParams
-from laesi_tf.estimators.mask_estimator import MaskEstimator
+from laesi_tf.estimators.keras_networks import make_area_estimator, make_mask_estimator
 from laesi_tf.estimators.parameters import list_parameters, parameter, replace_parameter
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator, RulingEstimatorParams
@@ -98,7 +97,7 @@ def test_parameters_are_selected_by_prefix() -> None:
 def test_an_estimator_without_parameters_is_refused() -> None:
     assert require_tunable(Constant()).params == Outer()
     with pytest.raises(InputError, match="--model"):
-        require_tunable(AreaEstimator(area_network((64, 64)), (64, 64), "none"))
+        require_tunable(make_area_estimator(area_network((64, 64)), (64, 64), "none"))
 
 
 def test_whole_numbers_stay_whole() -> None:
@@ -109,12 +108,12 @@ def test_whole_numbers_stay_whole() -> None:
 
 def test_estimators_use_the_parameters_that_they_are_given(sheet_reader: SheetReader) -> None:
     size = (96, 96)
-    mask = MaskEstimator(mask_network(size), size)
+    mask = make_mask_estimator(mask_network(size), size)
     info = PhotoInfo(px_per_mm=4.0)
     coarse = mask.with_params(replace_parameter(mask.params, "outline.min_area_px", 1e9))
     assert coarse.measure(photo(300, 300), info).refusal is not None
     assert mask.measure(photo(300, 300), info).refusal is None
-    guesser = AreaEstimator(area_network(size), size, "none")
+    guesser = make_area_estimator(area_network(size), size, "none")
     ruling = RulingEstimator(mask, sheet_reader, guesser=guesser)
     wider = ruling.with_params(replace_parameter(ruling.params, "guess_factor", 1.8))
     one, other = (estimator.measure(photo(200, 200)) for estimator in (ruling, wider))
@@ -124,9 +123,9 @@ def test_estimators_use_the_parameters_that_they_are_given(sheet_reader: SheetRe
     assert EasyLeafArea().with_params(EasyLeafAreaParams(square_cm2=9.0)).params.square_cm2 == 9.0
 
 
-def test_the_parameters_of_the_ruling_reader_reach_it(sheet_reader: SheetReader) -> None:
+def test_the_parameters_of_the_ruling_reader_reach_it(keras_sheet_reader: SheetReader) -> None:
     size = (96, 96)
-    estimator = RulingEstimator(MaskEstimator(mask_network(size), size), sheet_reader)
+    estimator = RulingEstimator(make_mask_estimator(mask_network(size), size), keras_sheet_reader)
     image = draw_photo(View(600, 800), {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}).astype(np.uint8)
     image[disk(600, 800, radius=0.2)] = LEAF
     names = [known.name for known in select_parameters(estimator.params, ["ruling.judge.fewest"])]

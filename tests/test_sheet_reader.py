@@ -55,14 +55,14 @@ def test_thin_lines_are_looked_at_in_full_resolution(sheet_reader: SheetReader) 
     assert reading.proves_millimetres
 
 
-def test_a_reader_uses_the_parameters_that_it_is_given(sheet_reader: SheetReader) -> None:
+def test_a_reader_uses_the_parameters_that_it_is_given(keras_sheet_reader: SheetReader) -> None:
     photo = draw_photo(View(height=720, width=960, px_per_mm=7.0), MILLIMETRES)
 
     def read_with(name: str, value: float) -> SheetReading:
-        changed = sheet_reader.with_params(replace_parameter(sheet_reader.params, name, value))
+        changed = keras_sheet_reader.with_params(replace_parameter(keras_sheet_reader.params, name, value))
         return read(changed, photo)
 
-    default, wavy = read(sheet_reader, photo), read_with("judge.scale_error.waviness", 10.0)
+    default, wavy = read(keras_sheet_reader, photo), read_with("judge.scale_error.waviness", 10.0)
     assert default.camera is not None and wavy.camera is not None
     middle = np.array([480.0, 360.0])
     assert wavy.camera.scale_error(middle) > 5 * default.camera.scale_error(middle)

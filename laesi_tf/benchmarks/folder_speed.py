@@ -92,7 +92,7 @@ def format_table(metrics: Mapping[str, Any]) -> str:
     lines.append(f"tables of all numbers of workers: {same[metrics['identical_for_all_workers']]}")
     stops = ", ".join(map(str, metrics["killed_after"]))
     lines.append(f"table after kills at {stops} photos: {same[metrics['identical_after_kills']]}")
-    machine = "{different_photos} different photos, {machine}, {cores} cores, TensorFlow {tensorflow}, {date}"
+    machine = "{different_photos} different photos, {machine}, {cores} cores, LiteRT {litert}, {date}"
     return "\n".join([*lines, machine.format_map(metrics)])
 
 

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.run_files import EXPORTED_WEIGHTS_FILE, LITERT_SUFFIX, METRICS_FILE
+from laesi_tf.common.run_files import BEST_MODEL_FILE, LITERT_SUFFIX, METRICS_FILE, PRETRAINED
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.factory import WITHOUT_RUN, load_estimator
 from laesi_tf.estimators.reduced_photo import ReducedPhoto
-from laesi_tf.models.saved_model import PRETRAINED
 
 SHIPPED = "ruling x silhouette"
 """Name of the method that `predict` measures with."""
@@ -95,11 +94,8 @@ def select_methods(methods: Sequence[Method], names: Sequence[str]) -> list[Meth
 def _count_bytes(model: Path) -> int:
     if model.is_file():
         return model.stat().st_size
-    weights = model / EXPORTED_WEIGHTS_FILE
-    # Of a run that was not exported, what is needed to measure with it is in its other files, too.
-    return (
-        weights.stat().st_size if weights.is_file() else sum(f.stat().st_size for f in model.glob("*.keras"))
-    )
+    graphs = list(model.glob(f"*{LITERT_SUFFIX}"))
+    return sum(file.stat().st_size for file in graphs or model.glob(BEST_MODEL_FILE))
 
 
 def _read_minutes(model: Path) -> float | None:

@@ -46,7 +46,7 @@ def time_photos(estimator: Estimator, *, seed: int, size: tuple[int, int], repea
             times["decode"].append((decoded - started) * 1e3)
             times["measure"].append((time.perf_counter() - decoded) * 1e3)
             methods.append(measurement.method)
-    # The first photo traces graphs.
+    # The first photo prepares memory; with a training run, it traces graphs.
     summary = {name: MedianIqr.of(values[1:]) for name, values in times.items()}
     return {
         "megapixels": size[0] * size[1] / 1e6,
@@ -74,7 +74,7 @@ def format_table(metrics: Mapping[str, Any]) -> str:
         )
         for name in ("decode", "measure")
     ]
-    machine = "{photos} photos, {machine}, {cores} cores, TensorFlow {tensorflow}, {date}".format_map(metrics)
+    machine = "{photos} photos, {machine}, {cores} cores, LiteRT {litert}, {date}".format_map(metrics)
     return "\n".join(
         [
             format_row("", "median", "IQR"),

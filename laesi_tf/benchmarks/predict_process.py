@@ -27,6 +27,8 @@ class PredictRun:
     """Longest time between two results after the first."""
     peak_mb: float
     """Peak resident memory in 10^6 bytes."""
+    cpu_s: float
+    """Processor time of all its threads, which hardly depends on what else the machine does."""
     messages: str
     """What it wrote to stderr."""
 
@@ -82,7 +84,8 @@ def run_predict(
         errors.seek(0)
         messages = errors.read().decode("utf-8", errors="replace")
     peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
-    return PredictRun(process.returncode, now - started, first, longest, peak, messages)
+    cpu_s = usage.ru_utime + usage.ru_stime
+    return PredictRun(process.returncode, now - started, first, longest, peak, cpu_s, messages)
 
 
 def _source_folder() -> Path:

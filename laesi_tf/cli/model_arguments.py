@@ -1,8 +1,13 @@
 """The options that name the models a command measures with."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
+
+from laesi_tf.cli.tensorflow_setup import load_tensorflow
+from laesi_tf.common.run_files import needs_tensorflow, require_run
+from laesi_tf.common.tensorflow import require_tensorflow
 
 
 def add_model_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,3 +50,20 @@ def model_options(options: argparse.Namespace) -> dict[str, Any]:
         "ruling_run": options.ruling_model,
         "guess": options.guess,
     }
+
+
+def load_tensorflow_if_needed(options: argparse.Namespace) -> None:
+    """Import TensorFlow if a model is a training run, which Keras runs; the shipped and exported ones need
+    none.
+
+    Raises InputError where it is not installed.
+    """
+    models = (options.model, options.mask_model, options.ruling_model)
+    runs = [model for model in models if model is not None and needs_tensorflow(model)]
+    if not runs:
+        return
+    require_run(runs[0])
+    require_tensorflow(f"the training run {runs[0]}")
+    if sys.stderr is not None and sys.stderr.isatty():
+        print("loading TensorFlow; the first photo takes some seconds longer", file=sys.stderr)
+    load_tensorflow(is_reproducible=True)

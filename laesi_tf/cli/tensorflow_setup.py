@@ -10,6 +10,8 @@ import os
 import sys
 from collections.abc import Iterator
 
+from laesi_tf.common.tensorflow import require_tensorflow
+
 
 def load_tensorflow(
     *, quick_compilation: bool = False, is_reproducible: bool = False, uses_gpu: bool = True
@@ -19,8 +21,9 @@ def load_tensorflow(
     With `quick_compilation`, XLA optimises less: for a few images, compiling takes longer than rendering.
     With `is_reproducible`, oneDNN is not used: it changes the seventh digit of a scale from one process
     to the next, and now and then a number in a table. Without `uses_gpu`, GPUs are left to other libraries:
-    TensorFlow would take all of their memory.
+    TensorFlow would take all of their memory. Raises InputError where it is not installed.
     """
+    require_tensorflow()
     # Where TensorFlow is imported already, variables would only reach processes that start from here.
     if "tensorflow" not in sys.modules:
         if is_reproducible:

@@ -17,12 +17,14 @@ except ImportError:  # not on Windows
 
 
 def describe_hardware() -> dict[str, Any]:
-    """Return the processor, its cores, TensorFlow's version and the date, to be given with every figure."""
+    """Return the processor, its cores, the versions of TensorFlow and LiteRT, and the date, to be given with
+    every figure."""
     return {
         "machine": _processor_name(),
         "cores": os.cpu_count(),
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
-        "tensorflow": metadata.version("tensorflow"),
+        "tensorflow": _read_version("tensorflow"),
+        "litert": _read_version("ai-edge-litert"),
     }
 
 
@@ -37,6 +39,14 @@ def peak_rss_mb() -> float:
         return math.nan
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak * (1 if sys.platform == "darwin" else 1024) / 1e6
+
+
+def _read_version(package: str) -> str | None:
+    """Return the version of a package; None where it is not installed."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def _processor_name() -> str:

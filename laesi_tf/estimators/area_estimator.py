@@ -1,18 +1,18 @@
 """Measure a photo with the area network alone, as in the paper: it predicts cm2 from the whole photo."""
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
-
-import keras
-import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
-from laesi_tf.models.area_network import to_area_cm2
-from laesi_tf.models.inference import compile_inference
 
 METHOD = "regression"
+
+AreaPredictor = Callable[[RgbImage], tuple[float, float]]
+"""An area network: uint8 [h, w, 3] -> area of one leaf, cm2, and scale at the leaf, pixels of the image per
+mm; NaN where an output is not finite or missing."""
 
 
 class AreaPrediction(NamedTuple):
@@ -27,24 +27,16 @@ class AreaPrediction(NamedTuple):
 class AreaEstimator:
     """Measures with an area network; it makes no outline."""
 
-    def __init__(self, model: keras.Model, input_size: tuple[int, int], transform: str) -> None:
-        """Take a model [B, h, w, 3] in 0..255 -> [B, n], whose first output is the transformed area.
-
-        `input_size` is (height, width); `transform` is what training applied to the area.
-        """
+    def __init__(self, predict: AreaPredictor, input_size: tuple[int, int]) -> None:
+        """Take an area network and the (height, width) of its input."""
+        self._predict = predict
         self._input_size = input_size
-        self._transform = transform
-        self._predict = compile_inference(model, input_size)
 
     def predict_area(self, pyramid: PhotoPyramid) -> AreaPrediction:
         """Predict the area of the leaf on a photo and the photo's scale."""
         image, letterbox = pyramid.letterbox_overview(self._input_size)
-        output = self._predict(image[np.newaxis])[0]
-        area = float(to_area_cm2(output[0], self._transform))
-        px_per_mm = math.nan
-        if len(output) > 1:
-            photo_px = pyramid.overview.pixel_size / letterbox.scale
-            px_per_mm = float(np.exp(np.float64(output[1])) * photo_px[0])
+        area, px_per_mm = self._predict(image)
+        px_per_mm *= float(pyramid.overview.pixel_size[0] / letterbox.scale[0])
         return AreaPrediction(area, px_per_mm if math.isfinite(px_per_mm) and px_per_mm > 0 else None)
 
     def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:

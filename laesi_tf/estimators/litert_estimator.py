@@ -15,14 +15,14 @@ from laesi_tf.common.arrays import Points, RgbImage
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.geometry import trace_polygons
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo, sort_in_reading_order
-from laesi_tf.estimators.graph.photo_graph import CUT_OFF as CUT_OFF_FLAG
 from laesi_tf.estimators.leaf_outline import CUT_OFF, PlacedMask, paint_masks
 from laesi_tf.estimators.litert_file import LiteRtRunner, read_litert_file
 from laesi_tf.estimators.mask_estimator import NO_LEAF
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid, put_in_frame
+from laesi_tf.estimators.ruling.codes import CUT_OFF as CUT_OFF_FLAG
+from laesi_tf.estimators.ruling.codes import PitchNote, Refusal
 from laesi_tf.estimators.ruling.judge import NOTES, SENTENCES
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
-from laesi_tf.estimators.ruling.verdict import PitchNote, Refusal
 from laesi_tf.estimators.ruling_estimator import NO_LEAF_ON_SHEET, OFF_SHEET
 
 METHOD = "LiteRT: ruling x silhouette"

@@ -8,8 +8,9 @@ import hashlib
 import io
 import json
 import zipfile
+from functools import partial
 from pathlib import Path
-from threading import Lock
+from threading import BoundedSemaphore
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,23 +65,49 @@ def read_litert_file(path: Path) -> LiteRtFile:
 
 
 class LiteRtRunner:
-    """Runs the one signature of a graph."""
+    """Runs the signatures of a graph."""
 
-    def __init__(self, model: bytes, *, threads: int = 1) -> None:
-        """Take a graph. Raises InputError where the interpreter is not installed."""
-        try:
-            from ai_edge_litert.interpreter import Interpreter
-        except ImportError:
-            raise InputError("LiteRT is not installed; run pip install ai-edge-litert") from None
-        self._interpreter = Interpreter(model_content=model, num_threads=threads)
-        self._interpreter.allocate_tensors()
-        (name,) = self._interpreter.get_signature_list()
-        self._run = self._interpreter.get_signature_runner(name)
-        # Photos are measured in several threads; an interpreter has one set of tensors.
-        self._lock = Lock()
+    def __init__(self, model: bytes, *, threads: int = 1, copies: int = 1) -> None:
+        """Take a graph, which `threads` cores compute at a time.
 
-    def __call__(self, **inputs: NDArray[Any] | np.generic) -> dict[str, NDArray[Any]]:
-        """Return the outputs by name."""
-        with self._lock:
-            outputs: dict[str, NDArray[Any]] = self._run(**inputs)
-            return {name: np.array(value) for name, value in outputs.items()}
+        Photos are measured in several threads, and an interpreter has one set of tensors: up to `copies`
+        interpreters are made as they are needed, and further callers wait. Raises InputError where LiteRT is
+        not installed.
+        """
+        self._make = partial(_make_interpreter, model, threads)
+        self._idle: list[Any] = [self._make()]
+        self._free = BoundedSemaphore(copies)
+
+    def __call__(
+        self, signature: str | None = None, /, **inputs: NDArray[Any] | np.generic
+    ) -> dict[str, NDArray[Any]]:
+        """Return the outputs of a `signature` by name; None stands for the only one."""
+        with self._free:
+            try:
+                interpreter = self._idle.pop()
+            # All are in use.
+            except IndexError:
+                interpreter = self._make()
+            try:
+                outputs: dict[str, NDArray[Any]] = interpreter.get_signature_runner(signature)(**inputs)
+                return {name: np.array(value) for name, value in outputs.items()}
+            finally:
+                self._idle.append(interpreter)
+
+    def release_memory(self) -> None:
+        """Drop the interpreters that are not in use; the next call makes a new one.
+
+        An interpreter keeps the memory of the largest input that it has seen.
+        """
+        self._idle.clear()
+
+
+def _make_interpreter(model: bytes, threads: int) -> Any:
+    try:
+        from ai_edge_litert.interpreter import Interpreter
+    except ImportError:
+        raise InputError("LiteRT is not installed; run pip install ai-edge-litert") from None
+    interpreter = Interpreter(model_content=model, num_threads=threads)
+    # Here LiteRT writes a line to stderr, which a command that loads a model can hide.
+    interpreter.allocate_tensors()
+    return interpreter

@@ -4,14 +4,13 @@ import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import keras
 import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.geometry import polygon_area
 from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams
-from laesi_tf.estimators.leaf_detector import LeafDetector
+from laesi_tf.estimators.leaf_detector import LeafDetector, MaskPredictor
 from laesi_tf.estimators.leaf_outline import (
     LeafOutline,
     LeafOutlineParams,
@@ -22,7 +21,6 @@ from laesi_tf.estimators.leaf_outline import (
 )
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.sheet_map import UniformScale
-from laesi_tf.models.inference import compile_inference
 
 METHOD = "mask x given scale"
 NO_LEAF = "no leaf found; show one whole leaf on the paper"
@@ -44,12 +42,12 @@ class MaskEstimator:
     """Measures with a mask network; refuses the areas where no scale is given."""
 
     def __init__(
-        self, model: keras.Model, input_size: tuple[int, int], params: MaskEstimatorParams | None = None
+        self, predict: MaskPredictor, input_size: tuple[int, int], params: MaskEstimatorParams | None = None
     ) -> None:
-        """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1] and its (height, width)."""
+        """Take a mask network and the (height, width) of its input."""
         self.params = params or MaskEstimatorParams()
         self._input_size = input_size
-        self._predict = compile_inference(model, input_size)
+        self._predict = predict
         self._detector = LeafDetector(self._predict, input_size, self.params.detector)
 
     def with_params(self, params: MaskEstimatorParams) -> "MaskEstimator":

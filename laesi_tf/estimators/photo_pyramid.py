@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from laesi_tf.common.arrays import Points, RgbImage
 from laesi_tf.common.geometry import ImageSize
@@ -89,6 +90,20 @@ def put_in_frame(image: RgbImage) -> RgbImage:
     frame = np.zeros((FRAME_PX, FRAME_PX, 3), np.uint8)
     frame[: image.shape[0], : image.shape[1]] = image
     return frame
+
+
+def average_levels(frame: RgbImage, levels: int) -> list[NDArray[np.float32]]:
+    """Return the means of `frame`, uint8 [F, F, 3], over squares of 2, 4, ... pixels, float32.
+
+    All are exact in float32, so that they are those of `ruling.spectra.build_pyramid` in a graph.
+    """
+    rows = np.add(frame[0::2], frame[1::2], dtype=np.uint16)
+    averaged = [np.add(rows[:, 0::2], rows[:, 1::2], dtype=np.float32)]
+    averaged[0] *= 0.25
+    for _ in range(levels - 1):
+        side = len(averaged[-1]) // 2
+        averaged.append(cv2.resize(averaged[-1], (side, side), interpolation=cv2.INTER_AREA))
+    return averaged
 
 
 def _crop(crop: Crop, box: Points) -> Crop:

@@ -12,11 +12,9 @@ from PIL import Image
 from laesi_tf.common.atomic_files import atomic_write, short_sha256, write_json, write_text
 from laesi_tf.common.run_files import BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE, LITERT_SUFFIX
 from laesi_tf.data.letterbox import letterbox_image
-from laesi_tf.estimators.area_estimator import AreaEstimator
+from laesi_tf.estimators.keras_networks import make_area_estimator, make_mask_estimator, make_sheet_reader
 from laesi_tf.estimators.litert_estimator import load_litert_estimator
 from laesi_tf.estimators.litert_file import read_litert_file, write_litert_file
-from laesi_tf.estimators.mask_estimator import MaskEstimator
-from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
 from laesi_tf.exporting.litert import VARIANTS, build_graph, convert, describe
 from laesi_tf.exporting.litert_check import (
@@ -120,12 +118,12 @@ def _answer_as_parent(kind: str, networks: Networks) -> Answerer:
     makers: dict[str, Callable[[], Answerer]] = {
         "photo": lambda: answer_with_estimator(
             RulingEstimator(
-                MaskEstimator(networks.mask.model, networks.mask.spec.size),
-                SheetReader(networks.ruling.model),
+                make_mask_estimator(networks.mask.model, networks.mask.spec.size),
+                make_sheet_reader(networks.ruling.model),
             )
         ),
         "area": lambda: answer_with_estimator(
-            AreaEstimator(networks.area.model, networks.area.spec.size, networks.area.spec.transform)
+            make_area_estimator(networks.area.model, networks.area.spec.size, networks.area.spec.transform)
         ),
         "mask": lambda: answer_with_network(networks.mask),
     }

@@ -15,7 +15,9 @@ from laesi_tf.common.run_files import (
     CONFIG_FILE,
     EXPORTED_WEIGHTS_FILE,
     METRICS_FILE,
+    NETWORK_FILE,
     RANGES_FILE,
+    READING_FILE,
 )
 from laesi_tf.data import synthetic
 from laesi_tf.models.saved_model import Run, named_weights
@@ -35,6 +37,9 @@ def export_float16(run: Run, out: Path) -> None:
     Raises InputError if `out` holds anything but an earlier export.
     """
     check_export_folder(out)
+    # Those of the weights before; `package` writes them anew.
+    for name in (NETWORK_FILE, READING_FILE):
+        (out / name).unlink(missing_ok=True)
     weights = {name: variable.numpy().astype(np.float16) for name, variable in named_weights(run.model)}
     with atomic_write(out / EXPORTED_WEIGHTS_FILE) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **weights)

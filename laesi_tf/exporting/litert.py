@@ -14,9 +14,9 @@ from tensorflow.lite.tools import flatbuffer_utils
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.errors import InputError
-from laesi_tf.estimators.graph.photo_graph import CUT_OFF, PhotoGraph
-from laesi_tf.estimators.ruling.sheet_reader import SheetReader
-from laesi_tf.estimators.ruling.verdict import PitchNote, Refusal
+from laesi_tf.estimators.graph.photo_graph import PhotoGraph
+from laesi_tf.estimators.ruling.codes import CUT_OFF, PitchNote, Refusal
+from laesi_tf.estimators.ruling.ruling_graph import RulingGraph
 from laesi_tf.exporting.half_weights import halve_weights
 from laesi_tf.models.area_network import LARGEST_CM2, SMALLEST_CM2
 from laesi_tf.models.inference import freeze_network
@@ -60,7 +60,9 @@ class NetworkGraph(tf.Module):
             value = tf.exp(tf.clip_by_value(value, tf.math.log(SMALLEST_CM2), tf.math.log(LARGEST_CM2)))
         elif self._transform == "sqrt":
             value = tf.maximum(value, 0.0) ** 2
-        return {"area_cm2": tf.clip_by_value(value, SMALLEST_CM2, LARGEST_CM2)}
+        area = tf.clip_by_value(value, SMALLEST_CM2, LARGEST_CM2)
+        px_per_mm = tf.exp(output[0, 1]) if output.shape[1] > 1 else tf.constant(math.nan)
+        return {"area_cm2": area, "px_per_mm": px_per_mm}
 
     def _to_mask(self, output: tf.Tensor) -> dict[str, tf.Tensor]:
         return {"leaf": output[0, ..., 0]}
@@ -78,7 +80,7 @@ def build_graph(kind: str, mask_run: Run, ruling_run: Run, area_run: Run) -> tup
             f"{mask_run.path} has an input of {height} x {width} pixels; the graph needs a square of a "
             "multiple of 56, such as 224"
         )
-    photo = PhotoGraph(mask_run.model, SheetReader(ruling_run.model))
+    photo = PhotoGraph(mask_run.model, RulingGraph(ruling_run.model))
     return photo, photo.measure.get_concrete_function()
 
 
@@ -174,7 +176,10 @@ def _describe_photo() -> dict[str, Any]:
 def _describe_area() -> dict[str, Any]:
     return {
         "inputs": {"photo": "uint8 [h, w, 3] RGB, the whole photo, letterboxed"},
-        "outputs": {"area_cm2": "float32, area of one leaf, cm2"},
+        "outputs": {
+            "area_cm2": "float32, area of one leaf, cm2",
+            "px_per_mm": "float32, scale at the leaf, pixels of the input; NaN where the network has none",
+        },
     }
 
 
@@ -185,8 +190,22 @@ def _describe_mask() -> dict[str, Any]:
     }
 
 
+def _describe_ruling() -> dict[str, Any]:
+    return {"inputs": "as RulingGraph.ask_network in estimators.ruling.ruling_graph; images of any size"}
+
+
+def _describe_reading() -> dict[str, Any]:
+    return {
+        "inputs": "as the methods of RulingGraph in estimators.ruling.ruling_graph, a signature for each",
+        "refusals": {str(int(code)): code.name.lower() for code in Refusal},
+        "notes": {str(int(code)): code.name.lower() for code in PitchNote},
+    }
+
+
 _DESCRIPTIONS: dict[str, Callable[[], dict[str, Any]]] = {
     "photo": _describe_photo,
     "area": _describe_area,
     "mask": _describe_mask,
+    "ruling": _describe_ruling,
+    "reading": _describe_reading,
 }

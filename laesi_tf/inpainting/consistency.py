@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.arrays import Mask, RgbImage
+from laesi_tf.common.run_files import PRETRAINED
 from laesi_tf.data.letterbox import letterbox_image
-from laesi_tf.estimators.factory import load_run_of
+from laesi_tf.estimators.keras_networks import load_run_of
 from laesi_tf.models.inference import compile_inference
-from laesi_tf.models.saved_model import PRETRAINED
 
 MAX_DEVIATION = 0.15
 """The paper's limit."""

@@ -19,14 +19,13 @@ from laesi_tf.common.arrays import Mask, RgbImage
 from laesi_tf.common.atomic_files import read_json, short_sha256, write_csv, write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.progress import progress_bar
-from laesi_tf.common.run_files import BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE
+from laesi_tf.common.run_files import BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE, PRETRAINED
 from laesi_tf.data.dataset_generation import find_missing_shards, remove_partial_shard
 from laesi_tf.data.dataset_spec import DatasetSpec, read_spec, start_dataset
 from laesi_tf.data.image_folders import merge_manifests
 from laesi_tf.data.stored_samples import STORED_FORMATS, StoredSample, require_complete
 from laesi_tf.inpainting.consistency import LeafSegmenter, mask_deviation
 from laesi_tf.inpainting.repainting import INPAINTING_FILE
-from laesi_tf.models.saved_model import PRETRAINED
 
 FILTER_FILE = "filter.json"
 """Settings of the filter; distinguishes its folder from others."""

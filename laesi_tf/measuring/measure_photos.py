@@ -31,14 +31,15 @@ def measure_photos(
 ) -> None:
     """Measure `tasks` in `workers` threads and add the results in the order of the tasks.
 
-    Threads rather than processes: decoding, OpenCV and TensorFlow run outside Python's lock, and each
-    process would load the networks and trace their graphs anew, which takes ten seconds and a gigabyte.
+    Threads rather than processes: decoding, OpenCV and LiteRT run outside Python's lock, and each process
+    would load the networks anew; with a training run, TensorFlow would trace its graphs anew, which takes ten
+    seconds and a gigabyte.
     `finished` further photos were measured before, and are shown as such. Raises InputError and
     KeyboardInterrupt with a message that says what was kept.
     """
     total = finished + len(tasks)
     try:
-        # Threads would trace the networks' graphs at the same time, and each for itself.
+        # With a training run, threads would trace graphs at the same time, and each for itself.
         first = prefetch(measure, tasks[:1], workers=1)
         others = prefetch(measure, tasks[1:], depth=2 * workers, workers=workers)
         measured = itertools.chain(first, others)

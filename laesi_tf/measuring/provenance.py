@@ -10,15 +10,23 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.common.atomic_files import write_json
-from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE, EXPORTED_WEIGHTS_FILE
+from laesi_tf.common.run_files import (
+    BEST_MODEL_FILE,
+    CONFIG_FILE,
+    EXPORTED_WEIGHTS_FILE,
+    NETWORK_FILE,
+    PRETRAINED,
+    READING_FILE,
+)
 from laesi_tf.measuring.journal import read_file_state
 
 _PACKAGE = Path(__file__).parents[1]
-PRETRAINED = _PACKAGE / "pretrained"
-"""The runs that come with the package, as in `models.saved_model`, which needs TensorFlow."""
 _MEASURING_CODE = ("common", "data", "estimators", "models")
 """Folders of the package that an area depends on."""
-_PACKAGES = ("tensorflow", "keras", "numpy", "opencv-contrib-python-headless", "pillow", "pillow-heif")
+_PACKAGES = (
+    *("ai-edge-litert", "numpy", "opencv-contrib-python-headless", "pillow", "pillow-heif"),
+    *("tensorflow", "keras"),
+)
 _DIGEST_LETTERS = 16
 
 
@@ -122,7 +130,7 @@ def _digest_run(run: Path | str) -> str:
     if Path(run).is_file():
         return hashlib.sha256(Path(run).read_bytes()).hexdigest()[:_DIGEST_LETTERS]
     digest, is_run = hashlib.sha256(), False
-    for name in (CONFIG_FILE, BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE):
+    for name in (CONFIG_FILE, BEST_MODEL_FILE, EXPORTED_WEIGHTS_FILE, NETWORK_FILE, READING_FILE):
         path = Path(run) / name
         if path.is_file():
             is_run = True

@@ -5,9 +5,10 @@ frame averaged over squares of 2^l pixels. A cell covers CELL_PX x CELL_PX pixel
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import tensorflow as tf
+if TYPE_CHECKING:
+    import tensorflow as tf
 
 FRAME_PX = 1536
 LEVELS = 4
@@ -28,11 +29,11 @@ LOG_STEP = math.log(2) / BINS_PER_OCTAVE
 class CellAnswers(NamedTuple):
     """Probabilities for the cells [h, w] of one level; cells outside the photo have `readable` 0."""
 
-    readable: tf.Tensor
+    readable: "tf.Tensor"
     """[h, w], that a ruling of two crossing families can be read here."""
-    periods: tf.Tensor
+    periods: "tf.Tensor"
     """[h, w, PERIOD_BINS] of the finest visible period."""
-    directions: tf.Tensor
+    directions: "tf.Tensor"
     """[h, w, DIRECTION_BINS] of the direction of the lines modulo 90 degrees."""
-    finest_uncertain: tf.Tensor
+    finest_uncertain: "tf.Tensor"
     """[h, w], that finer lines are printed here than can be seen."""

@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple
 
 import keras
+import numpy as np
 import tensorflow as tf
 
 from laesi_tf.models.ruling_cells import (
@@ -85,8 +86,32 @@ def _even_contrast(picture: keras.KerasTensor) -> keras.KerasTensor:
 
 
 def _average_locally(values: keras.KerasTensor) -> keras.KerasTensor:
-    coarse = keras.layers.AveragePooling2D(CELL_PX, padding="same")(values)
-    return keras.layers.UpSampling2D(CELL_PX, interpolation="bilinear")(coarse)
+    return EnlargeCells()(keras.layers.AveragePooling2D(CELL_PX, padding="same")(values))
+
+
+class EnlargeCells(keras.layers.Layer):
+    """Interpolates cells to their pixels, bilinearly, as `tf.image.resize`.
+
+    As a convolution whose channels become pixels: it holds for images of any size, while LiteRT's resizing is
+    told the size, and takes 40 bytes per pixel.
+    """
+
+    def call(self, cells: tf.Tensor) -> tf.Tensor:
+        """Return [B, CELL_PX * h, CELL_PX * w, C] for `cells` [B, h, w, C]."""
+        channels = cells.shape[-1]
+        offsets = (np.arange(CELL_PX, dtype=np.float32) + 0.5) / CELL_PX - 0.5
+        # Shares [3, CELL_PX] of the cell before, the cell itself and the one after.
+        shares = np.stack([np.maximum(-offsets, 0), 1 - np.abs(offsets), np.maximum(offsets, 0)])
+        kernel = np.einsum("yp,xq,cd->yxcpqd", shares, shares, np.eye(channels, dtype=np.float32))
+        kernel = kernel.reshape(3, 3, channels, CELL_PX * CELL_PX * channels)
+        # Beyond the border, the outermost cells repeat.
+        around = tf.pad(cells, [[0, 0], [1, 1], [1, 1], [0, 0]], "SYMMETRIC")
+        return tf.nn.depth_to_space(tf.nn.conv2d(around, kernel, 1, "VALID"), CELL_PX)
+
+    def compute_output_shape(self, input_shape: tuple[int | None, ...]) -> tuple[int | None, ...]:
+        """Return the shape of the pixels; None where it is unknown."""
+        batch, *sides, channels = input_shape
+        return batch, *(None if side is None else CELL_PX * side for side in sides), channels
 
 
 def _convolve(

@@ -14,16 +14,13 @@ import keras
 import numpy as np
 
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE, EXPORTED_WEIGHTS_FILE
+from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE, EXPORTED_WEIGHTS_FILE, require_run
 from laesi_tf.common.schema import check_choice, check_number, read_toml
 from laesi_tf.models.area_network import TRANSFORMS, build_area_network
 from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone
 from laesi_tf.models.mask_network import build_mask_network
 from laesi_tf.models.ruling_network import build_ruling_network
 from laesi_tf.models.weights_file import load_weights
-
-PRETRAINED = Path(__file__).parents[1] / "pretrained"
-"""Folders `area`, `mask` and `ruling`: the exported runs that come with the package."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,8 +108,7 @@ def load_run(path: Path | str) -> Run:
     Raises InputError for a run that is missing, broken, or has not reached its first validation.
     """
     path = Path(path)
-    if not (path / CONFIG_FILE).is_file():
-        raise InputError(f"no run in {path}: {CONFIG_FILE} is missing; name a folder that train wrote")
+    require_run(path)
     try:
         spec = ModelSpec.from_config(read_toml(path / CONFIG_FILE))
     except InputError as error:

@@ -7,14 +7,13 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from laesi_tf.common.arrays import Points, RgbImage
 
 # Pillow's own font lacks the superscript of cm² and most scripts of file names.
-_FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+_FONT = Path(__file__).with_name("fonts") / "DejaVuSans.ttf"
 _MIN_FONT_PX = 10.0
 
 

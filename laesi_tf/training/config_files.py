@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import tomli_w
-
 from laesi_tf.common.atomic_files import write_text
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.schema import from_table, read_toml
@@ -38,4 +36,7 @@ def load_config(path: Path | str, **overrides: Any) -> TrainConfig:
 def save_config(path: Path | str, config: TrainConfig, provenance: Mapping[str, Any]) -> None:
     """Write `config` as TOML with a table that says where the run comes from."""
     values = dataclasses.asdict(config) | {"size": list(config.size)}
+    # Commands import this module before they know whether what training needs is installed.
+    import tomli_w
+
     write_text(path, tomli_w.dumps({**values, PROVENANCE: provenance}))

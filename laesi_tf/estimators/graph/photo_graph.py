@@ -5,6 +5,7 @@ from typing import Any
 
 import keras
 import tensorflow as tf
+import tensorflow.experimental.numpy as tnp
 
 from laesi_tf.common.sheet_model import COUNT, FOCAL
 from laesi_tf.estimators.graph.close_looks import (
@@ -25,15 +26,13 @@ from laesi_tf.estimators.graph.leaf_measures import (
 )
 from laesi_tf.estimators.graph.leaf_shapes import choose_leaves
 from laesi_tf.estimators.ruling.camera_ops import measure_scale_error, measure_tilt
-from laesi_tf.estimators.ruling.sheet_reader import SheetReader
+from laesi_tf.estimators.ruling.codes import CUT_OFF, Refusal
+from laesi_tf.estimators.ruling.ruling_graph import RulingGraph
 from laesi_tf.estimators.ruling.stage import inline_stages
-from laesi_tf.estimators.ruling.verdict import Refusal, decide_refusal, find_finest_period, note_pitch
+from laesi_tf.estimators.ruling.verdict import decide_refusal, find_finest_period, note_pitch
 from laesi_tf.estimators.ruling_estimator import RulingEstimatorParams
 from laesi_tf.models.inference import freeze_network
 from laesi_tf.models.ruling_cells import CELL_PX, FRAME_PX
-
-CUT_OFF = 1
-"""In `flags`: the photo's border cuts the leaf off."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +48,7 @@ class PhotoGraph(tf.Module):
     """Measures photos in a frame with a mask and a ruling network."""
 
     def __init__(
-        self, mask_network: keras.Model, reader: SheetReader, params: PhotoGraphParams | None = None
+        self, mask_network: keras.Model, reader: RulingGraph, params: PhotoGraphParams | None = None
     ) -> None:
         """Take a mask network of a square input and a reader of rulings."""
         super().__init__(name="photo_graph")
@@ -118,6 +117,7 @@ class PhotoGraph(tf.Module):
             phase_error,
             sheet.normalise(leaves.middle),
             params.ruling.judge.scale_error,
+            tnp,
         )
         area = leaves.area_mm2 * lift**2 / 100
         # As of LeafOutline.measure.
@@ -143,7 +143,7 @@ class PhotoGraph(tf.Module):
             "refusal": refusal,
             "note": tf.where(is_fitted, note_pitch(reading, grid_mm), 0),
             "px_per_mm": tf.gather(only(scale, is_measured), 0),
-            "tilt_deg": tf.where(is_fitted, measure_tilt(parameters), 0.0),
+            "tilt_deg": tf.where(is_fitted, measure_tilt(parameters, tnp), 0.0),
             "confidence": self._rate_fit(reading, is_fitted),
             "sheet": tf.where(is_fitted, parameters, 0.0),
             "pitch_mm": tf.where(is_fitted, pitch, 0.0),

@@ -1,10 +1,13 @@
-"""Scale, its error and tilt of a fitted sheet, as TensorFlow functions of any float type.
+"""Scale, its error and tilt of a fitted sheet, once for NumPy and for TensorFlow.
 
-Places are (x, y) in units of half the photo's longer side from the photo's middle, as in `SheetModel`.
+Functions take the array namespace `xp` that they compute in: `numpy` for the camera of a photo, or
+`tensorflow.experimental.numpy` within a graph. Places are (x, y) in units of half the photo's longer side
+from the photo's middle, as in `SheetModel`.
 """
 
+from typing import Any
+
 import numpy as np
-import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT, FOCAL, SheetModel, line_density
 from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
@@ -13,50 +16,51 @@ _FOCALS = 0.5, 3.0
 """Focal lengths that are believed: an ultra-wide camera, and a photo cropped to a quarter."""
 
 
-def unpack_sheet(parameters: tf.Tensor) -> SheetModel:
+def unpack_sheet(parameters: Any) -> SheetModel:
     """Return the model of `parameters` [..., COUNT], each field [...]."""
-    return SheetModel(*tf.unstack(parameters, axis=-1))
+    return SheetModel(*(parameters[..., index] for index in range(COUNT)))
 
 
-def squares_per_area(parameters: tf.Tensor, place: tf.Tensor) -> tf.Tensor:
+def squares_per_area(parameters: Any, place: Any) -> Any:
     """Return how many squares of the finest lines a unit of area holds at `place` [..., 2].
 
     `parameters` are [COUNT] or have the axes of `place` before their last.
     """
-    return tf.abs(line_density(unpack_sheet(parameters), place[..., 0], place[..., 1]))
+    return abs(line_density(unpack_sheet(parameters), place[..., 0], place[..., 1]))
 
 
 def measure_scale_error(
-    parameters: tf.Tensor,
-    covariance: tf.Tensor,
-    phase_error: tf.Tensor,
-    place: tf.Tensor,
+    parameters: Any,
+    covariance: Any,
+    phase_error: Any,
+    place: Any,
     params: ScaleErrorParams,
-) -> tf.Tensor:
+    xp: Any,
+) -> Any:
     """Return the relative standard deviation of the scale at `place` [..., 2].
 
     The fit's `covariance` [COUNT, COUNT], what paper that is not flat adds (`phase_error`, periods), and a
     floor.
     """
-    identity = np.eye(COUNT, dtype=parameters.dtype.as_numpy_dtype)
-    variances = tf.reduce_sum(covariance * identity, -1)
-    deviation = tf.sqrt(tf.maximum(variances, tf.zeros_like(variances)))
+    identity = np.eye(COUNT, dtype=np.float32)
+    variances = xp.sum(covariance * identity, -1)
+    deviation = xp.sqrt(xp.maximum(variances, xp.zeros_like(variances)))
     shifts = identity * deviation
-    model = unpack_sheet(tf.concat([parameters + shifts, parameters - shifts], 0))
-    density = tf.abs(line_density(model, place[..., 0, None], place[..., 1, None]))
+    model = unpack_sheet(xp.concatenate([parameters + shifts, parameters - shifts], 0))
+    density = abs(line_density(model, place[..., 0, None], place[..., 1, None]))
     more, fewer = density[..., :COUNT], density[..., COUNT:]
     # Twice the relative difference is that of the logarithms, without their loss of digits.
     change = (more - fewer) / (more + fewer)
     known = deviation > 0
-    gradient = tf.where(
-        known, change / tf.where(known, deviation, tf.ones_like(deviation)), tf.zeros_like(change)
+    gradient = xp.where(
+        known, change / xp.where(known, deviation, xp.ones_like(deviation)), xp.zeros_like(change)
     )
-    of_fit = tf.reduce_sum(gradient * tf.linalg.matvec(covariance, gradient), -1) / 4
-    of_fit = tf.maximum(of_fit, tf.zeros_like(of_fit))
-    return tf.sqrt(of_fit + (params.waviness * phase_error) ** 2 + params.floor**2)
+    of_fit = xp.sum(gradient * (covariance @ gradient[..., None])[..., 0], -1) / 4
+    of_fit = xp.maximum(of_fit, xp.zeros_like(of_fit))
+    return xp.sqrt(of_fit + (params.waviness * phase_error) ** 2 + params.floor**2)
 
 
-def measure_tilt(parameters: tf.Tensor) -> tf.Tensor:
+def measure_tilt(parameters: Any, xp: Any) -> Any:
     """Return the angle in degrees between the camera's axis and the paper's normal at the photo's middle.
 
     `parameters` are [COUNT]. Assumes square pixels and the principal point in the middle. There the scales
@@ -67,12 +71,12 @@ def measure_tilt(parameters: tf.Tensor) -> tf.Tensor:
     sheet = unpack_sheet(parameters)
     # Singular values of a matrix of two rows: from the sum and the product of their squares.
     total = sheet.ux**2 + sheet.uy**2 + sheet.vx**2 + sheet.vy**2
-    product = tf.abs(sheet.ux * sheet.vy - sheet.uy * sheet.vx)
-    spread = tf.sqrt(tf.maximum(total**2 - 4 * product**2, tf.zeros_like(total)))
+    product = abs(sheet.ux * sheet.vy - sheet.uy * sheet.vx)
+    spread = xp.sqrt(xp.maximum(total**2 - 4 * product**2, xp.zeros_like(total)))
     # The ratio of the smaller to the larger is the product over the square of the larger.
-    cosine = tf.minimum(2 * product / (total + spread), tf.ones_like(total))
-    sine = tf.sqrt(1 - cosine**2)
-    change = tf.sqrt(sheet.tilt_x**2 + sheet.tilt_y**2) * 2
+    cosine = xp.minimum(2 * product / (total + spread), xp.ones_like(total))
+    sine = xp.sqrt(1 - cosine**2)
+    change = xp.sqrt(sheet.tilt_x**2 + sheet.tilt_y**2) * 2
     is_camera = (_FOCALS[0] * change * cosine <= sine) & (sine <= _FOCALS[1] * change * cosine)
-    by_ratio, by_change = tf.atan2(sine, cosine), tf.atan2(FOCAL * change, tf.ones_like(change))
-    return tf.where(is_camera, by_ratio, by_change) * (180 / np.pi)
+    by_ratio, by_change = xp.arctan2(sine, cosine), xp.arctan2(FOCAL * change, xp.ones_like(change))
+    return xp.where(is_camera, by_ratio, by_change) * (180 / np.pi)

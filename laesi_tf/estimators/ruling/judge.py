@@ -4,22 +4,16 @@ help.
 The decision is `verdict.decide_refusal`; here its codes become sentences and a camera.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import tensorflow as tf
 
 from laesi_tf.common.arrays import Points
-from laesi_tf.estimators.ruling.reading import Reading
+from laesi_tf.estimators.ruling.codes import HEAVIER_LEVELS, PitchNote, Refusal
+from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
-from laesi_tf.estimators.ruling.verdict import (
-    JudgeParams,
-    PitchNote,
-    Refusal,
-    decide_refusal,
-    find_finest_period,
-    note_pitch,
-)
 
 _MILLIMETRE_PAPER = "1-5-10"
 """Which lines are heavier on millimetre paper alone."""
@@ -65,19 +59,9 @@ class SheetReading:
         return self.paper == _MILLIMETRE_PAPER
 
 
-def name_paper(reading: Reading) -> str:
-    """Return which lines are heavier, counted in finest lines."""
-    heavier = reading.heavier
-    levels = [
-        number
-        for number, flag in (
-            (2, heavier.second),
-            (4, heavier.fourth),
-            (5, heavier.fifth),
-            (10, heavier.tenth),
-        )
-        if bool(flag)
-    ]
+def name_paper(heavier: Sequence[bool]) -> str:
+    """Return which lines are heavier, counted in finest lines; `heavier` [4] is by `HEAVIER_LEVELS`."""
+    levels = [level for level, flag in zip(HEAVIER_LEVELS, heavier, strict=True) if flag]
     return "-".join(str(level) for level in (1, *levels))
 
 
@@ -96,37 +80,35 @@ NOTES = {PitchNote.TENTH: AMBIGUOUS_TENTH, PitchNote.FIFTH: AMBIGUOUS_FIFTH}
 """What each note says."""
 
 
-def judge_reading(
-    reading: Reading,
+def judge_verdict(
+    verdict: Mapping[str, Any],
     size: tuple[int, int],
     step: tuple[float, float],
     *,
     grid_mm: float | None,
-    params: JudgeParams,
+    scale_error: ScaleErrorParams,
 ) -> SheetReading:
-    """Return the camera that follows from `reading`, or why there is none.
+    """Return the camera that follows from a `verdict`, see `verdict.state_verdict`, or why there is none.
 
     `size` is the photo's (height, width) in frame pixels and `step` the photo pixels per frame pixel, (x, y).
     `grid_mm` is the distance of the finest lines where the user names it; None takes the lines for
     millimetres if heavier ones speak for it.
     """
-    fit = reading.fit
-    named, frame = tf.constant(grid_mm or 0.0, tf.float32), tf.constant(size, tf.float32)
-    refusal = Refusal(int(decide_refusal(reading, frame, named, params=params)))
+    refusal, paper = Refusal(int(verdict["refusal"])), name_paper([bool(x) for x in verdict["heavier"]])
     if refusal != Refusal.NONE:
-        period = float(find_finest_period(reading)) * float(np.sqrt(step[0] * step[1]))
+        period = float(verdict["period_px"]) * float(np.sqrt(step[0] * step[1]))
         text = SENTENCES[refusal].format(period=period, grid=grid_mm)
         is_fitted = refusal not in (Refusal.NO_RULING, Refusal.ONE_DIRECTION, Refusal.NOT_A_SHEET)
-        return SheetReading(refusal=text, paper=name_paper(reading) if is_fitted else "")
+        return SheetReading(refusal=text, paper=paper if is_fitted else "")
     camera = SheetCamera(
-        np.asarray(fit.parameters, float),
-        np.asarray(fit.covariance, float),
+        np.asarray(verdict["parameters"], float),
+        np.asarray(verdict["covariance"], float),
         size,
         step,
         1.0 if grid_mm is None else grid_mm,
-        float(fit.phase_error),
-        params.scale_error,
+        float(verdict["phase_error"]),
+        scale_error,
     )
-    note = PitchNote(int(note_pitch(reading, named)))
+    note = PitchNote(int(verdict["note"]))
     notes = (NOTES[note],) if note != PitchNote.NONE else ()
-    return SheetReading(camera=camera, notes=notes, paper=name_paper(reading))
+    return SheetReading(camera=camera, notes=notes, paper=paper)

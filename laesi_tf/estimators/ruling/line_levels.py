@@ -5,41 +5,14 @@ the windows' amplitudes in phase raises a wave that is printed above the noise b
 averages out what is not, so that millimetre lines are found that no single window shows.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
+from laesi_tf.estimators.ruling.params import LevelParams
 from laesi_tf.estimators.ruling.spectra import Windows, measure_waves
 from laesi_tf.estimators.ruling.stage import compile_stage
-
-
-@dataclass(frozen=True, kw_only=True)
-class LevelParams:
-    """Parameters of the decision which lines are printed."""
-
-    excess: float = parameter(0.45, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
-    """A wave's amplitude over what its neighbours make one expect, mean of both families, from which finer
-    lines are printed. Lines of a tenth of the heavy ones' ink give 0.44 at order 5."""
-    clear: float = parameter(4.0, unit="standard errors", set_on=RENDERED_AND_CASES)
-    """A coherent amplitude at which the wave is there."""
-    excluded: float = parameter(0.3, unit="share of the expected amplitude", set_on=RENDERED_AND_CASES)
-    """Standard error below which finer lines are excluded where they have no excess."""
-    heavy: float = parameter(8.0, unit="power over its standard error", set_on=RENDERED_AND_CASES)
-    """Mean of the waves that heavier lines make; 1 on average without any, and up to 5 where few windows
-    overlap much."""
-    harmonic: float = parameter(20.0, unit="power over its standard error", set_on=RENDERED_AND_CASES)
-    """The same for one family's waves at quarters or sixths, from which it is taken to be fitted to a
-    harmonic."""
-    fifth_excess: float = parameter(0.22, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
-    """What waves at fifths exceed those at tenths by where every fifth line is heavier, not only tenths."""
-    smooth: float = parameter(0.25, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
-    """Second differences along the harmonics of lines with nothing between them; 0.05 on drawn squares."""
-    highest: float = parameter(0.47, unit="periods per pixel", set_on=RENDERED_AND_CASES)
-    """Highest frequency that is asked."""
-
 
 FINER = (2, 5, 10)
 HALF = 0.5

@@ -1,29 +1,27 @@
 """Read the ruling of a photo from the network's answers: votes, windows, spectra, fit, as one TensorFlow
 function."""
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT
-from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.ruling.line_levels import (
     HALF,
     NO_FINER_LINES,
     FinerLines,
     HeavierLines,
-    LevelParams,
     find_coarser,
     find_finer,
     find_heavier,
 )
-from laesi_tf.estimators.ruling.sheet_fit import FitParams, SheetFit, fit_phases, fit_sheet
+from laesi_tf.estimators.ruling.params import LevelParams, ReadingParams, VoteParams
+from laesi_tf.estimators.ruling.sheet_fit import SheetFit, fit_phases, fit_sheet
 from laesi_tf.estimators.ruling.sheet_waves import predict_waves, window_points
 from laesi_tf.estimators.ruling.spectra import (
     SIDE,
-    SearchParams,
+    Pyramid,
     Windows,
     compute_power,
     cut_windows,
@@ -33,30 +31,12 @@ from laesi_tf.estimators.ruling.spectra import (
     measure_noise,
 )
 from laesi_tf.estimators.ruling.stage import compile_stage
-from laesi_tf.estimators.ruling.votes import VoteParams, Votes, choose_windows
+from laesi_tf.estimators.ruling.votes import Votes, choose_windows
 from laesi_tf.models.ruling_cells import CELL_PX, LEVELS
 
 WINDOWS = 32
 _GRID = np.stack(np.meshgrid(*[np.arange(4, SIDE, 8, dtype=np.float32) - SIDE / 2] * 2), -1)
 """[16, 16, 2], places in a window, pixels from its middle."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadingParams:
-    """Parameters of a reading and its stages."""
-
-    votes: VoteParams = field(default_factory=VoteParams)
-    search: SearchParams = field(default_factory=SearchParams)
-    fit: FitParams = field(default_factory=FitParams)
-    levels: LevelParams = field(default_factory=LevelParams)
-    coarsest_px: float = parameter(
-        10.0, unit="pixels of the level", set_on="periods of 5 to 10 pixels at the windows' level, 2026-11-29"
-    )
-    """Windows are cut at the finest level whose period is at most this."""
-    room_px: float = parameter(256.0, unit="pixels of the level", set_on="twice a window's side, 2026-11-29")
-    """The photo's shorter side has at least this many pixels at the windows' level."""
-    same_factors: float = parameter(0.03, unit="ln of frequency", set_on="data not recorded, 2026-11-29")
-    """Difference of the families' factors up to which two readings are one."""
 
 
 class Reading(NamedTuple):
@@ -109,7 +89,7 @@ def sample_cells(field: tf.Tensor, points: tf.Tensor) -> tf.Tensor:
 
 @compile_stage
 def prepare_windows(
-    pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, level: tf.Tensor, *, params: VoteParams
+    pyramid: Pyramid, size: tf.Tensor, votes: Votes, level: tf.Tensor, *, params: VoteParams
 ) -> Windows:
     """Cut the windows of pyramid `level` where cells agree with the votes."""
     middles, weights = choose_windows(votes, size, level=level, count=WINDOWS, side_px=SIDE, params=params)
@@ -134,7 +114,7 @@ def cover_ruling(agreement: tf.Tensor) -> tf.Tensor:
     return tf.clip_by_value(2.5 * mean - 0.9, 0.0, 1.0)
 
 
-def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, *, params: ReadingParams) -> Reading:
+def read_sheet(pyramid: Pyramid, size: tf.Tensor, votes: Votes, *, params: ReadingParams) -> Reading:
     """Read the ruling of a photo in the corner of a frame, RGB of 0..255, of which `pyramid` has all LEVELS.
 
     `size` [2] is the photo's (height, width), float; `votes` are those of the cells of its pyramid.
@@ -163,19 +143,20 @@ def read_sheet(pyramid: list[tf.Tensor], size: tf.Tensor, votes: Votes, *, param
     is_coarser = coarser > 1.5
     is_harmonic = tf.reduce_any(tf.abs(heavier.factors - 1) > 0.1) | is_coarser
 
-    def look_closer() -> tuple[Windows, FinerLines]:
-        fine_level = choose_level(votes.period_px / 5, size, params)
-        fine = tf.cond(
-            fine_level < level,
-            lambda: prepare_windows(pyramid, size, votes, fine_level, params=params.votes),
-            lambda: windows,
-        )
-        fine = Windows(*(tf.ensure_shape(new, old.shape) for new, old in zip(fine, windows, strict=True)))
-        return fine, find_finer(fine, predict_in(fine, size, fit.parameters), params=params.levels)
-
     # Lines of which every fifth or tenth is heavier are the finest already.
     is_finest = is_harmonic | heavier.fifth | heavier.tenth
-    fine, finer = tf.cond(is_finest, lambda: (windows, NO_FINER_LINES), look_closer)
+    fine_level = choose_level(votes.period_px / 5, size, params)
+    fine = tf.cond(
+        ~is_finest & (fine_level < level),
+        lambda: prepare_windows(pyramid, size, votes, fine_level, params=params.votes),
+        lambda: windows,
+    )
+    fine = Windows(*(tf.ensure_shape(new, old.shape) for new, old in zip(fine, windows, strict=True)))
+    finer = tf.cond(
+        is_finest,
+        lambda: NO_FINER_LINES,
+        lambda: find_finer(fine, predict_in(fine, size, fit.parameters), params=params.levels),
+    )
     factor = finer.factor
     used = Windows(*(tf.where(is_harmonic, old, new) for old, new in zip(windows, fine, strict=True)))
 

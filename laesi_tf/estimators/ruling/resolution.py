@@ -1,27 +1,10 @@
 """Decide whether a photo's ruling has to be looked at in full resolution."""
 
-from dataclasses import dataclass
-
 import tensorflow as tf
 
-from laesi_tf.estimators.parameters import parameter
+from laesi_tf.estimators.ruling.params import ResolutionParams
 from laesi_tf.estimators.ruling.votes import Votes
 from laesi_tf.models.ruling_cells import DIRECTION_BINS, FRAME_CELLS, PERIOD_BINS, CellAnswers
-
-
-@dataclass(frozen=True, kw_only=True)
-class ResolutionParams:
-    """Parameters of the choice of the resolution."""
-
-    enough_cells: int = parameter(40, unit="cells", set_on="data not recorded, 2026-11-29")
-    """So many readable cells at a coarse level make the full resolution superfluous."""
-    many_hidden: float = parameter(
-        0.2, unit="share of the readable cells", set_on="data not recorded, 2026-11-29"
-    )
-    """From so many cells on that may hide finer lines the full resolution is needed."""
-    fine_period_px: float = parameter(9.0, unit="frame pixels", set_on="cases, 2026-11-29")
-    """Coarse levels do not suffice for shorter periods: thin lines that are averaged to less than 4.5 pixels
-    per period make others appear."""
 
 
 def needs_full_resolution(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from laesi_tf.common.sheet_model import FOCAL, SheetModel, line_density, to_lines
+from laesi_tf.estimators.ruling.camera_ops import measure_scale_error, measure_tilt
 from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
 
 _DIFFERENCE = 1e-4
@@ -69,29 +70,17 @@ class SheetCamera:
 
     def scale_error(self, point: np.ndarray) -> float:
         """Return the relative standard deviation of `px_per_mm` at a photo `point` [2]."""
-        # Commands import this module before they know that TensorFlow is needed.
-        import tensorflow as tf
-
-        from laesi_tf.estimators.ruling.camera_ops import measure_scale_error
-
+        place = self._normalise(point)
         return float(
             measure_scale_error(
-                tf.constant(self.parameters, tf.float64),
-                tf.constant(self.covariance, tf.float64),
-                tf.constant(self.phase_error, tf.float64),
-                tf.constant(self._normalise(point), tf.float64),
-                self.error_params,
+                self.parameters, self.covariance, self.phase_error, place, self.error_params, np
             )
         )
 
     def tilt_deg(self) -> float:
         """Return the angle in degrees between the camera's axis and the paper's normal at the photo's
         middle, see `measure_tilt`."""
-        import tensorflow as tf
-
-        from laesi_tf.estimators.ruling.camera_ops import measure_tilt
-
-        return float(measure_tilt(tf.constant(self.parameters, tf.float64)))
+        return float(measure_tilt(self.parameters, np))
 
     def _frame(self) -> tuple[float, np.ndarray]:
         height, width = self.size

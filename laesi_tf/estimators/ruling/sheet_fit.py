@@ -6,18 +6,16 @@ the marginal likelihood of nested models (Laplace's approximation), so that a fl
 photo is fitted by a homography.
 """
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import COUNT
-from laesi_tf.estimators.parameters import RENDERED, parameter
 from laesi_tf.estimators.ruling.least_squares import solve_normal
+from laesi_tf.estimators.ruling.params import FitParams
 from laesi_tf.estimators.ruling.sheet_waves import (
     Measured,
-    WaveParams,
     masked_median,
     measure,
     predict_waves,
@@ -29,42 +27,6 @@ from laesi_tf.estimators.ruling.sheet_waves import (
 from laesi_tf.estimators.ruling.spectra import Windows
 from laesi_tf.estimators.ruling.stage import compile_stage
 
-
-@dataclass(frozen=True, kw_only=True)
-class FitParams:
-    """Parameters of the fit of a sheet."""
-
-    waves: WaveParams = field(default_factory=WaveParams)
-    tilt_prior: float = parameter(0.3, unit="share of the camera's distance", set_on=RENDERED)
-    """Standard deviation of its change over half the longer side, which the tilt makes."""
-    k1_prior: float = parameter(0.04, unit="share of the radius", set_on=RENDERED)
-    """Standard deviation of radial distortion at half the longer side from the middle: phones have up to
-    0.05."""
-    centre_prior: float = parameter(0.3, unit="half the longer side", set_on=RENDERED)
-    """Standard deviation of the centre of distortion: photos are cropped."""
-    agreeing_phase: float = parameter(0.06, unit="periods", set_on=RENDERED)
-    """A window agrees with the fit if its lines are this near to the fitted ones, or within four medians."""
-    correlation: float = parameter(4.0, unit="windows", set_on=RENDERED)
-    """Windows overlap and waves of the paper move neighbours together: so many windows count as one."""
-    least_variance: float = parameter(0.05, unit="normalised residuals squared", set_on=RENDERED)
-    """Least variance of the residuals: fewer windows than parameters must not seem perfect."""
-    bend_prior: float = parameter(0.02, unit="share of the camera's distance", set_on=RENDERED)
-    """Standard deviation of the sheet's rise at half the longer side from the middle."""
-
-    @property
-    def priors(self) -> np.ndarray:
-        """Standard deviations [COUNT] of the sheet's parameters about 0."""
-        return np.array(
-            [_WIDE] * 6
-            + [self.tilt_prior] * 2
-            + [self.k1_prior]
-            + [self.centre_prior] * 2
-            + [self.bend_prior] * 3,
-            np.float32,
-        )
-
-
-_WIDE = 1e4
 _STEPS = np.array([0.1] * 2 + [0.5] * 4 + [0.01] * 2 + [0.01] + [0.05] * 2 + [0.01] * 3, np.float32)
 """Differences for the numerical derivatives, by parameter."""
 _AFFINE = np.array([1] * 6 + [0] * 8, np.float32)

@@ -1,63 +1,73 @@
-"""Read the ruling of a photo with the ruling network: from pixels to a camera, or to a refusal.
+"""Read the ruling of a photo: from pixels to a camera, or to a refusal.
 
-All that looks at pixels is TensorFlow. Only a photo whose lines are too fine for the half resolution is
-looked at in full: three quarters of the network's work is there.
+All that looks at pixels is in the stages, TensorFlow functions or the LiteRT file converted from them. Only a
+photo whose lines are too fine for the half resolution is looked at in full: three quarters of the network's
+work is there.
 """
 
 import copy
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
-import keras
 import numpy as np
-import tensorflow as tf
 
-from laesi_tf.common.arrays import Points
-from laesi_tf.estimators.photo_pyramid import Crop, put_in_frame
-from laesi_tf.estimators.ruling.judge import SheetReading, judge_reading
+from laesi_tf.common.arrays import Points, RgbImage
+from laesi_tf.estimators.photo_pyramid import Crop, average_levels, put_in_frame
+from laesi_tf.estimators.ruling.judge import SheetReading, judge_verdict
 from laesi_tf.estimators.ruling.params import RulingReaderParams
-from laesi_tf.estimators.ruling.reading import Reading, read_sheet
-from laesi_tf.estimators.ruling.resolution import needs_full_resolution, no_answers
-from laesi_tf.estimators.ruling.spectra import build_pyramid
-from laesi_tf.estimators.ruling.stage import compile_stage
-from laesi_tf.estimators.ruling.votes import collect_votes
-from laesi_tf.models.ruling_cells import (
-    CELL_PX,
-    FRAME_CELLS,
-    FRAME_PX,
-    LEVELS,
-    CellAnswers,
-)
-from laesi_tf.models.ruling_network import build_ruling_network, to_answers
+from laesi_tf.models.ruling_cells import CELL_PX, FRAME_CELLS, FRAME_PX, LEVELS
 
 _USED_PX = (FRAME_PX // 2, FRAME_PX * 3 // 4, FRAME_PX)
 """Sides of the part of the frame that the network sees."""
+_LARGEST_PX = 750_000
+"""Pixels of an image that the network sees at once."""
+_REACH_PX = 160
+"""Distance from which the network's answer for a cell does not depend on the image; a multiple of CELL_PX."""
+
+
+class RulingStages(Protocol):
+    """What looks at pixels; shapes and units are those of `ruling_graph.RulingGraph`."""
+
+    def with_params(self, params: RulingReaderParams) -> "RulingStages":
+        """Return the same stages with other parameters."""
+        ...
+
+    def ask_network(self, images: Any) -> Any:
+        """Return the network's logits for the cells of images."""
+        ...
+
+    def needs_full_resolution(self, coarse: Sequence[Any], size: Any) -> Any:
+        """Return whether the logits of the coarser levels do not suffice."""
+        ...
+
+    def read(
+        self,
+        frame: RgbImage,
+        coarser: Any,
+        logits: Sequence[Any],
+        size: Any,
+        is_full: Any,
+        grid_mm: Any,
+    ) -> dict[str, Any]:
+        """Return the verdict, see `verdict.state_verdict`."""
+        ...
 
 
 class SheetReader:
-    """Reads rulings with a trained network."""
+    """Reads rulings with the stages of a trained network."""
 
-    def __init__(self, network: keras.Model, params: RulingReaderParams | None = None) -> None:
-        """Take a ruling network of any input size, [B, h, w, 3] -> logits."""
+    def __init__(self, stages: RulingStages, params: RulingReaderParams | None = None) -> None:
+        """Take the stages; `params` replace theirs."""
         self.params = params or RulingReaderParams()
-        self._keras_network = build_ruling_network()
-        self._keras_network.set_weights(network.get_weights())
-        self._network: Callable[..., Any] = self._keras_network
-        self._ask = compile_stage(self._ask_network)
+        self._stages = stages.with_params(self.params)
 
     def with_params(self, params: RulingReaderParams) -> "SheetReader":
         """Return a reader with the same network and other parameters."""
         changed = copy.copy(self)
         changed.params = params
-        return changed
-
-    def with_network(self, change: Callable[[keras.Model], Callable[..., Any]]) -> "SheetReader":
-        """Return a reader whose network is replaced by what `change` makes of it, as for an export."""
-        changed = copy.copy(self)
-        changed._network = change(self._keras_network)
-        changed._ask = compile_stage(changed._ask_network)
+        changed._stages = self._stages.with_params(params)
         return changed
 
     def read(self, overview: Crop, *, grid_mm: float | None) -> SheetReading:
@@ -66,59 +76,59 @@ class SheetReader:
         `grid_mm` is the distance of the finest lines where the user names it. The camera maps photo pixels.
         """
         height, width = overview.size
-        reading: Reading = tf.nest.map_structure(
-            np.asarray,
-            self.read_frame(
-                tf.constant(put_in_frame(overview.image)),
-                tf.constant([height, width], tf.float32),
-                used=(_round_up(height), _round_up(width)),
-            ),
-        )
+        verdict = self._read_frame(put_in_frame(overview.image), (height, width), grid_mm)
         step_x, step_y = overview.pixel_size
-        judged = judge_reading(
-            reading,
+        judged = judge_verdict(
+            verdict,
             (height, width),
             (float(step_x), float(step_y)),
             grid_mm=grid_mm,
-            params=self.params.judge,
+            scale_error=self.params.judge.scale_error,
         )
-        outline = outline_sheet(reading.votes.agreement, overview, self.params.sheet_agreement)
+        outline = outline_sheet(verdict["agreement"], overview, self.params.sheet_agreement)
         return replace(judged, outline=outline)
 
-    def read_frame(
-        self, frame: tf.Tensor, size: tf.Tensor, *, used: tuple[int, int] = (FRAME_PX, FRAME_PX)
-    ) -> Reading:
-        """Read the ruling of the photo of `size` [2] (height, width), float, in the upper left corner of a
-        frame, uint8 [FRAME_PX, FRAME_PX, 3].
+    def _read_frame(
+        self, frame: RgbImage, size: tuple[int, int], grid_mm: float | None
+    ) -> dict[str, np.ndarray]:
+        """Return the verdict on the photo of `size` (height, width) in the upper left corner of `frame`."""
+        used = [_round_up(side) for side in size]
+        levels = average_levels(frame, LEVELS - 1)
 
-        The network does not see the frame beyond `used` (height, width).
-        """
-        pyramid = build_pyramid(tf.cast(frame[: used[0], : used[1]], tf.float32), LEVELS)
+        def ask(level: int, image: np.ndarray) -> np.ndarray:
+            return _fill_level(self._ask_in_parts(image[: used[0] >> level, : used[1] >> level]), level)
 
-        def ask(level: int) -> CellAnswers:
-            return self._ask(pyramid[level], size / 2.0**level, FRAME_CELLS >> level)
-
-        coarse = [ask(level) for level in range(1, LEVELS)]
-        params = self.params.reading
-        votes = collect_votes([no_answers(), *coarse], params=params.votes)
-        votes = tf.cond(
-            needs_full_resolution(coarse, votes, self.params.resolution, sure=params.votes.sure),
-            lambda: collect_votes([ask(0), *coarse], params=params.votes),
-            lambda: votes,
+        coarse = [ask(level, image) for level, image in enumerate(levels, 1)]
+        frame_size = np.array(size, np.float32)
+        is_full = np.bool_(self._stages.needs_full_resolution(coarse, frame_size))
+        full = ask(0, frame) if is_full else _fill_level(coarse[0][:0], 0)
+        coarser = np.concatenate([image.reshape(-1, 3) for image in levels])
+        del levels  # 9 MB that the reading need not have beside it
+        verdict = self._stages.read(
+            frame, coarser, [full, *coarse], frame_size, is_full, np.float32(grid_mm or 0.0)
         )
-        return read_sheet(pyramid, size, votes, params=params)
+        return {name: np.asarray(value) for name, value in verdict.items()}
 
-    def _ask_network(self, image: tf.Tensor, size: tf.Tensor, cells: int) -> CellAnswers:
-        """Return the answers for `image` [h, w, 3] of which the upper left `size` [2] is the photo.
+    def _ask_in_parts(self, image: np.ndarray) -> np.ndarray:
+        """Return the logits for `image` [h, w, 3]; of a large one, in two parts that overlap by the network's
+        reach: it needs 120 bytes per pixel."""
+        if image.size <= _LARGEST_PX * 3:
+            return np.asarray(self._stages.ask_network(image[np.newaxis].astype(np.float32)))[0]
+        axis = int(np.argmax(image.shape[:2]))
+        half = image.shape[axis] // (2 * CELL_PX) * CELL_PX
+        before, after = (
+            self._ask_in_parts(image[start:end] if axis == 0 else image[:, start:end])
+            for start, end in ((0, half + _REACH_PX), (half - _REACH_PX, image.shape[axis]))
+        )
+        kept = np.split(before, [half // CELL_PX], axis)[0], np.split(after, [_REACH_PX // CELL_PX], axis)[1]
+        return np.concatenate(kept, axis)
 
-        They are [cells, cells], of a whole level of the frame.
-        """
-        logits: Any = self._network(image[tf.newaxis], training=False)
-        beyond = [[0, cells - side // CELL_PX] for side in image.shape[:2]]
-        answers = to_answers(tf.pad(logits[0], [*beyond, [0, 0]]))
-        middles = (tf.range(cells, dtype=tf.float32) + 0.5) * CELL_PX
-        inside = (middles < size[0])[:, None] & (middles < size[1])
-        return answers._replace(readable=tf.where(inside, answers.readable, 0.0))
+
+def _fill_level(logits: np.ndarray, level: int) -> np.ndarray:
+    """Return `logits` [h, w, CHANNELS] in the corner of zeros for all cells of a level of the frame."""
+    filled = np.zeros((FRAME_CELLS >> level, FRAME_CELLS >> level, logits.shape[-1]), np.float32)
+    filled[: logits.shape[0], : logits.shape[1]] = logits
+    return filled
 
 
 def _round_up(side: int) -> int:

@@ -1,13 +1,12 @@
 """The waves of the printed lines in windows: what a sheet predicts, and what is measured."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
 from laesi_tf.common.sheet_model import SheetModel, to_lines
-from laesi_tf.estimators.parameters import RENDERED, parameter
+from laesi_tf.estimators.ruling.params import WaveParams
 from laesi_tf.estimators.ruling.spectra import SIDE, SPREAD_PX, Windows, measure_waves
 from laesi_tf.estimators.ruling.stage import compile_stage
 
@@ -16,18 +15,6 @@ _REACH_PX = 1.55 * SPREAD_PX
 second."""
 _PHASE_SHARE = 2 * SPREAD_PX**2 / _REACH_PX**2
 """The mean of a quadratic phase over the window, by the mean over its four outer points."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class WaveParams:
-    """Parameters of the waves that are measured."""
-
-    frequency_floor: float = parameter(0.0015, unit="share of the frequency", set_on=RENDERED)
-    """Error of a window's frequency that no signal removes: uneven print and paper."""
-    phase_floor: float = parameter(0.012, unit="periods", set_on=RENDERED)
-    """The same of a phase."""
-    faintest: float = parameter(6.0, unit="power over the noise", set_on=RENDERED)
-    """A wave counts from this power."""
 
 
 class Measured(NamedTuple):

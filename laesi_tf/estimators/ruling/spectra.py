@@ -4,14 +4,14 @@ Frequencies are (x, y) in periods per pixel of the windows' level. The phase of 
 at the middle of its window.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators.parameters import RENDERED, parameter
+from laesi_tf.estimators.ruling.params import SearchParams
 from laesi_tf.estimators.ruling.stage import compile_stage
+from laesi_tf.models.ruling_cells import LEVELS
 
 SIDE = 128
 """Side of a window, pixels of its level."""
@@ -19,26 +19,6 @@ _STEPS = np.arange(SIDE, dtype=np.float32) + 0.5 - SIDE / 2
 _HANN = (np.cos(np.pi * _STEPS / SIDE) ** 2).astype(np.float32)
 SPREAD_PX = float(np.sqrt((_HANN * _STEPS**2).sum() / _HANN.sum()))
 """Standard deviation of the Hann window as a weight, 23.1 pixels: what a wave is averaged over."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchParams:
-    """Parameters of the search for the waves of both families near the cells' answers."""
-
-    ratio_reach: float = parameter(0.21, unit="ln of frequency", set_on=RENDERED)
-    """A family's frequency lies within this of what the cells say: unequal pitches differ by 0.22."""
-    ratio_steps: int = parameter(43, unit="steps", set_on=RENDERED)
-    turn_reach: float = parameter(0.14, unit="radians", set_on=RENDERED)
-    """Greatest angle between the direction that cells say and the lines."""
-    turn_steps: int = parameter(9, unit="steps", set_on=RENDERED)
-    common_spread: float = parameter(0.05, unit="ln of frequency", set_on=RENDERED)
-    """Standard deviation of the families' mean frequency about the cells' answer."""
-    unequal_spread: float = parameter(0.08, unit="ln of frequency", set_on=RENDERED)
-    """The same of half the difference between the families, where photos may be stretched."""
-    equal_spread: float = parameter(0.02, unit="ln of frequency", set_on=RENDERED)
-    """The same where pixels are square."""
-    peak_reach: float = parameter(0.06, unit="ln of frequency", set_on=RENDERED)
-    """A window's own peak lies within this of what all windows say; 4/5 and 6/5 waves stay outside."""
 
 
 _SAMPLED = np.sort(np.random.default_rng(0).permutation(SIDE - 3)[: SIDE // 8])
@@ -81,26 +61,41 @@ def build_pyramid(frame: tf.Tensor, levels: int) -> list[tf.Tensor]:
     return pyramid
 
 
-def cut_windows(pyramid: list[tf.Tensor], level: tf.Tensor, middles: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
+class Pyramid(NamedTuple):
+    """A frame at full resolution, and all its coarser levels as one list of pixels.
+
+    LiteRT copies what a condition uses, and an operation for each level would take a condition.
+    """
+
+    full: tf.Tensor
+    """[F, F, 3], float32 or uint8."""
+    coarser: tf.Tensor
+    """[M, 3], float32, the pixels of levels 1, 2, ... row by row."""
+
+
+def join_levels(levels: list[tf.Tensor]) -> Pyramid:
+    """Return the pyramid of `levels`, each [F >> level, F >> level, 3]."""
+    return Pyramid(levels[0], tf.concat([tf.reshape(image, [-1, 3]) for image in levels[1:]], 0))
+
+
+def cut_windows(pyramid: Pyramid, level: tf.Tensor, middles: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
     """Return the pixels [N, SIDE, SIDE, 3] of windows of `level` around `middles` [N, 2], frame pixels.
 
     What lies beyond the photo of `size` [2] (height, width in frame pixels) repeats its border.
     """
-
-    def cut(index: int) -> tf.Tensor:
-        image = pyramid[index]
-        last = tf.cast(tf.reverse(size, [0]) / 2.0**index, tf.int32) - 1
-        corner = tf.cast(tf.round(middles / 2.0**index), tf.int32) - SIDE // 2
-        reach = tf.range(SIDE)
-        columns, rows = (tf.clip_by_value(corner[:, axis, None] + reach, 0, last[axis]) for axis in (0, 1))
-        return tf.gather(tf.reshape(image, [-1, 3]), rows[:, :, None] * image.shape[1] + columns[:, None, :])
-
-    def choose(index: int) -> tf.Tensor:
-        if index == len(pyramid) - 1:
-            return cut(index)
-        return tf.cond(level <= index, lambda: cut(index), lambda: choose(index + 1))
-
-    return choose(0)
+    step = tf.pow(2.0, tf.cast(level, tf.float32))
+    last = tf.cast(tf.reverse(size, [0]) / step, tf.int32) - 1
+    corner = tf.cast(tf.round(middles / step), tf.int32) - SIDE // 2
+    reach = tf.range(SIDE)
+    columns, rows = (tf.clip_by_value(corner[:, axis, None] + reach, 0, last[axis]) for axis in (0, 1))
+    sides = pyramid.full.shape[0] >> np.arange(LEVELS)
+    starts = np.cumsum([0, 0, *sides[1:-1] ** 2])
+    places = rows[:, :, None] * tf.gather(tf.constant(sides, tf.int32), level) + columns[:, None, :]
+    places += tf.gather(tf.constant(starts, tf.int32), level)
+    is_full = tf.equal(level, 0)
+    full = tf.gather(tf.reshape(pyramid.full, [-1, 3]), tf.where(is_full, places, 0))
+    coarser = tf.gather(pyramid.coarser, tf.where(is_full, 0, places))
+    return tf.where(is_full, tf.cast(full, tf.float32), coarser)
 
 
 def find_ink_colour(pixels: tf.Tensor, weights: tf.Tensor) -> tf.Tensor:

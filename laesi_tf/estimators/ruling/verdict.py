@@ -1,69 +1,14 @@
 """Decide whether a reading of a ruling is believed: TensorFlow on scalars, so that an exported graph refuses
 the same photos for the same reasons."""
 
-from dataclasses import dataclass, field
-from enum import IntEnum
-
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators.parameters import RENDERED_AND_CASES, parameter
 from laesi_tf.estimators.ruling.camera_ops import unpack_sheet
+from laesi_tf.estimators.ruling.codes import PitchNote, Refusal
 from laesi_tf.estimators.ruling.line_levels import FINER
+from laesi_tf.estimators.ruling.params import JudgeParams
 from laesi_tf.estimators.ruling.reading import Reading
-from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
-
-
-class Refusal(IntEnum):
-    """Why a photo gets no areas; the numbers stand in exported files and are never reused."""
-
-    NONE = 0
-    NO_RULING = 1
-    ONE_DIRECTION = 2
-    NOT_A_SHEET = 3
-    CONTRADICTED = 4
-    FINER_VOTED = 5
-    FINEST_UNCERTAIN = 6
-    PITCH_UNKNOWN = 7
-    NAMED_UNCERTAIN = 8
-    NO_LEAF = 9
-    NO_LEAF_ON_SHEET = 10
-
-
-class PitchNote(IntEnum):
-    """Doubts about what the lines' distance is."""
-
-    NONE = 0
-    TENTH = 1
-    """Every tenth line is heavier: millimetre paper, or tenths of an inch."""
-    FIFTH = 2
-    """Every fifth line is heavier: millimetre paper, or 2 mm paper."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class JudgeParams:
-    """Parameters of the judgement."""
-
-    scale_error: ScaleErrorParams = field(default_factory=ScaleErrorParams)
-    fewest_cells: int = parameter(12, unit="cells", set_on=RENDERED_AND_CASES)
-    """Cells of one level that agree on the period; unruled photos of `cases` have at most 8."""
-    fewest_windows: int = parameter(4, unit="windows", set_on=RENDERED_AND_CASES)
-    """Windows in which both families agree with the fit."""
-    faintest: float = parameter(6.0, unit="power over the noise", set_on=RENDERED_AND_CASES)
-    """Median of a family's waves; lines in one direction give 1 for the other."""
-    worst_phase: float = parameter(0.05, unit="periods", set_on=RENDERED_AND_CASES)
-    """Median distance of the lines from the fit; 0.03 on the worst of the right ones."""
-    rival_share: float = parameter(0.5, unit="share of the votes", set_on=RENDERED_AND_CASES)
-    """Votes for lines that are finer than the fitted by a whole factor, over those for the fitted ones, from
-    which these are not believed."""
-    same_period: float = parameter(0.07, unit="ln of period", set_on=RENDERED_AND_CASES)
-    """Periods that differ by less are the same."""
-    same_pitch: float = parameter(0.2, unit="ln of distance", set_on="printers scale by 3 %, 2026-11-29")
-    """A named distance of lines that prove millimetre paper differs from a millimetre by at most so much."""
-    always_finest_mm: float = parameter(3.0, unit="mm", set_on=RENDERED_AND_CASES)
-    """Squares of a named distance from this on have no heavier lines that can pass for them."""
-    widest_mm: float = parameter(700.0, unit="mm", set_on=RENDERED_AND_CASES)
-    """Photos do not show more of a sheet: A3 with a margin, held at arm's length."""
 
 
 def find_finest_period(reading: Reading) -> tf.Tensor:
@@ -144,3 +89,26 @@ def note_pitch(reading: Reading, grid_mm: tf.Tensor) -> tf.Tensor:
     note = tf.where(tenth & ~fifth, int(PitchNote.TENTH), int(PitchNote.NONE))
     note = tf.where(fifth & ~tenth, int(PitchNote.FIFTH), note)
     return tf.where(grid_mm > 0, int(PitchNote.NONE), note)
+
+
+def state_verdict(
+    reading: Reading, size: tf.Tensor, grid_mm: tf.Tensor, *, params: JudgeParams
+) -> dict[str, tf.Tensor]:
+    """Return all that is used of a reading.
+
+    `refusal` and `note` are int32 scalars, see `codes`; `period_px` the frame pixels per period of the finest
+    lines; `heavier` int32 [4] by `HEAVIER_LEVELS`; `parameters` [COUNT], `covariance` [COUNT, COUNT] and
+    `phase_error` those of the fit; `agreement` [C, C] that of the votes.
+    """
+    heavier, fit = reading.heavier, reading.fit
+    flags = [heavier.second, heavier.fourth, heavier.fifth, heavier.tenth]
+    return {
+        "refusal": decide_refusal(reading, size, grid_mm, params=params),
+        "note": note_pitch(reading, grid_mm),
+        "period_px": find_finest_period(reading),
+        "heavier": tf.cast(tf.stack(flags), tf.int32),
+        "parameters": fit.parameters,
+        "covariance": fit.covariance,
+        "phase_error": fit.phase_error,
+        "agreement": reading.votes.agreement,
+    }

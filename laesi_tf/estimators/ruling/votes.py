@@ -1,12 +1,11 @@
 """Collect the votes of all cells: the period and the direction to look for, and where to look."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import tensorflow as tf
 
-from laesi_tf.estimators.parameters import RENDERED, parameter
+from laesi_tf.estimators.ruling.params import VoteParams
 from laesi_tf.estimators.ruling.stage import compile_stage
 from laesi_tf.models.ruling_cells import (
     BINS_PER_OCTAVE,
@@ -19,22 +18,6 @@ from laesi_tf.models.ruling_cells import (
     VOTE_BINS,
     CellAnswers,
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class VoteParams:
-    """Parameters of the votes of cells."""
-
-    sure: float = parameter(0.5, unit="probability", set_on=RENDERED)
-    """From it a cell counts as readable."""
-    agreeing_bins: float = parameter(2.4, unit="bins of 8.7 %", set_on=RENDERED)
-    """Cells whose period lies within this many bins of the winner's agree with it."""
-    apart_bins: int = parameter(4, unit="bins of 8.7 %", set_on=RENDERED)
-    """A rival period is farther from the winner than this."""
-    apart_share: float = parameter(0.4, unit="share of a window's side", set_on=RENDERED)
-    """Middles of two windows are at least this far apart."""
-    smoothing_cells: int = parameter(5, unit="cells of the frame", set_on=RENDERED)
-    """Side of the square over which local periods and directions are averaged."""
 
 
 class Votes(NamedTuple):
