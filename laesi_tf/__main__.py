@@ -20,6 +20,8 @@ COMMANDS = (
     "generate",
     "serve",
     "export",
+    "web",
+    "sheet",
     "similarity",
     "benchmark",
 )

@@ -14,7 +14,7 @@ from tensorflow.lite.tools import flatbuffer_utils
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.errors import InputError
-from laesi_tf.estimators.graph.photo_graph import CUT_OFF, PhotoGraph
+from laesi_tf.estimators.graph.photo_graph import CUT_OFF, GRID_NODES, PhotoGraph
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling.verdict import PitchNote, Refusal
 from laesi_tf.exporting.half_weights import halve_weights
@@ -163,6 +163,8 @@ def _describe_photo() -> dict[str, Any]:
             "tilt_deg": "float32, between the camera's axis and the paper's normal",
             "confidence": "float32 0..1, how well the lines follow the fit",
             "sheet": "float32 [14], from frame to lines, see SheetModel: lines lie at whole numbers",
+            "grid": f"float32 [{GRID_NODES}, {GRID_NODES}, 2], how many lines lie left of and above points "
+            "at equal distances over the photo, for drawing",
             "pitch_mm": "float32, distance of those lines, mm; 0 without a ruling",
             "period_px": "float32, distance of the finest lines that were seen, pixels of the frame",
         },

@@ -1,0 +1,77 @@
+"""Compare the page in headless Chromium with LiteRT in Python, on the same decoded pixels.
+
+    python tests/compare_browser.py PAGE PHOTOS.csv [--split SPLIT] [--photos N]
+
+PAGE is a folder that `laesi web` wrote. Photos go to the page as PNG, since browsers and Pillow decode JPEG
+a little differently.
+"""
+
+import argparse
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import chromium
+from PIL import Image
+from web_pages import list_exceptions, measure_files, open_page, serve
+
+from laesi_tf.data.decoding import decode_photo
+from laesi_tf.data.manifest import read_manifest
+from laesi_tf.estimators.base import PhotoInfo
+from laesi_tf.estimators.litert_estimator import load_litert_estimator
+from laesi_tf.exporting.web.sentences import replace_flags
+
+
+def main() -> None:
+    """Print a line for each photo, then the largest difference and the median times."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("page", type=Path)
+    parser.add_argument("manifest", type=Path)
+    parser.add_argument("--split")
+    parser.add_argument("--photos", type=int, default=20)
+    options = parser.parse_args()
+    photos = list(read_manifest(options.manifest, split=options.split))[: options.photos]
+    estimator = load_litert_estimator(options.page / "photo.tflite")
+    worst, differing, times, python_times = 0.0, 0, [], []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        serve(options.page) as address,
+        chromium.Browser() as browser,
+    ):
+        open_page(browser, address)
+        for number, photo in enumerate(photos):
+            image = decode_photo(photo.image)
+            path = Path(folder) / f"{number}.png"
+            Image.fromarray(image).save(path, compress_level=1)
+            started = time.perf_counter()
+            expected = estimator.measure(image, PhotoInfo())
+            python_times.append((time.perf_counter() - started) * 1e3)
+            (shown,) = measure_files(browser, [path])
+            times.append(shown["milliseconds"])
+            refusal = shown["measurement"]["refusal"]
+            areas = [leaf.get("area_cm2") for leaf in shown["measurement"]["leaves"]]
+            wanted = [leaf.area_cm2 for leaf in expected.leaves]
+            is_same = len(areas) == len(wanted) and refusal == (
+                expected.refusal and replace_flags(expected.refusal)
+            )
+            differing += not is_same
+            if is_same and refusal is None:
+                difference = max(abs(a / b - 1) for a, b in zip(areas, wanted, strict=True))
+                worst = max(worst, difference)
+                print(f"{photo.image.name:<40}  {sum(wanted):8.3f} cm2  {difference:.1e}", flush=True)
+            else:
+                print(f"{photo.image.name:<40}  {refusal} / {expected.refusal}", flush=True)
+        exceptions = list_exceptions(browser)
+    print(f"photos: {len(photos)}, refusals or numbers of leaves that differ: {differing}")
+    print(f"largest relative difference of an area: {worst:.1e}")
+    print(
+        f"median time per photo: page {statistics.median(times):.0f} ms in the graph and around it, "
+        f"Python {statistics.median(python_times):.0f} ms"
+    )
+    sys.exit(1 if differing or exceptions else 0)
+
+
+if __name__ == "__main__":
+    main()
