@@ -32,7 +32,7 @@ _TEXT = (
     "3.  Take the photo in even light: no shadow of yours, no flash, no zoom, and the thin lines sharp.",
 )
 _SCALING = (
-    "Print at 100 % (“actual size”). This bar must be 100 mm long: check it with a ruler. If it is 97 mm long,",
+    "Print at 100 % (“actual size”). This bar must be 100 mm long: check it with a ruler. If it has 97 mm,",
     "name the line distance 0.97: in the settings of the page, or with laesi predict --grid-mm 0.97.",
 )
 

@@ -8,7 +8,8 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.litert_file import read_litert_file
 
 PHOTO = "photo.tflite"
-_GRAPHS = {PHOTO: ("photo", "float32")}
+GUIDANCE = "guidance.tflite"
+_GRAPHS = {PHOTO: ("photo", "float32"), GUIDANCE: ("guidance", "dynamic")}
 """Kind and precision of the graphs. In a browser, the measurement with float16 weights takes three times as
 long as with float32 (tests/compare_browser.py), as its loops convert the weights in each turn."""
 

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from laesi_tf.estimators.graph.guidance_graph import Hint
 from laesi_tf.estimators.leaf_outline import CUT_OFF
 from laesi_tf.estimators.mask_estimator import NO_LEAF
 from laesi_tf.estimators.ruling.judge import NOTES, SENTENCES
@@ -9,6 +10,19 @@ from laesi_tf.estimators.ruling.verdict import Refusal
 from laesi_tf.estimators.ruling_estimator import NO_LEAF_ON_SHEET, OFF_SHEET
 from laesi_tf.reporting.leaf_records import COLUMNS
 
+HINTS = {
+    Hint.READY: "Good: take the photo",
+    Hint.TOO_DARK: "Too dark: go where there is more light",
+    Hint.NO_RULING: "No ruling seen: show bare millimetre paper around the leaf",
+    Hint.BLURRED: "Blurred: hold the phone still and let it focus",
+    Hint.MOVE_CLOSER: "Move closer: the millimetres are too small",
+    Hint.TOO_TILTED: "Too tilted: hold the phone parallel to the paper",
+    Hint.NO_LEAF: "No leaf seen: lay one on the paper",
+    Hint.LEAF_CUT_OFF: "The leaf is cut off: show all of it",
+    Hint.LEAF_OFF_PAPER: "The leaf is not on the paper: lay it on the ruling",
+    Hint.SHADOW: "Shadow on the paper: turn so that the phone throws none",
+}
+"""What the page says while the user aims."""
 _FIELD = "“Line distance”"
 """Name of the page's field."""
 _FLAGS = {
@@ -31,6 +45,7 @@ def collect_sentences() -> dict[str, Any]:
         "no_leaf": NO_LEAF,
         "off_sheet": OFF_SHEET,
         "cut_off": CUT_OFF,
+        "hints": {str(int(code)): text for code, text in HINTS.items()},
         "columns": COLUMNS,
         "limits": {"max_megapixels": MAX_MEGAPIXELS},
     }

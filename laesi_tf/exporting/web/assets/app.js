@@ -1,9 +1,10 @@
 // The page: photos come in, are measured one after the other, shown and kept.
 
+import { aim, canAim } from "./aim.js";
 import { runTask } from "./background.js";
 import { showDetail } from "./detail_view.js";
 import { find } from "./elements.js";
-import { isMeasured } from "./formats.js";
+import { formatArea, isMeasured, sumAreas } from "./formats.js";
 import { showList } from "./list_view.js";
 import { readGridMm, setUpSettings } from "./settings.js";
 import { deleteAllPhotos, deletePhoto, loadPhotos, savePhoto } from "./store.js";
@@ -11,6 +12,7 @@ import { formatCsv, formatJson, makeRecords } from "./tables.js";
 
 const photos = [];
 const queue = [];
+const finished = new WeakMap();
 let isMeasuring = false;
 
 function showAll() {
@@ -35,15 +37,14 @@ async function keep(photo) {
   }
 }
 
-/** Measure files, in their order, each as a photo of its own. */
-async function addFiles(files) {
-  for (const file of files) {
-    const photo = { file, name: file.name.replace(/\.[^.]+$/, ""), added: new Date().toISOString() };
-    photos.push(photo);
-    queue.push(photo);
-  }
+/** Measure files, in their order, each as a photo of its own; returns these. */
+function addFiles(files) {
+  const added = files.map((file) => ({ file, name: file.name.replace(/\.[^.]+$/, ""), added: new Date().toISOString() }));
+  photos.push(...added);
+  queue.push(...added);
   showAll();
-  await measureQueue();
+  measureQueue();
+  return added;
 }
 
 async function measureQueue() {
@@ -54,6 +55,7 @@ async function measureQueue() {
     showAll();
     await measurePhoto(photo);
     if (photos.includes(photo)) await keep(photo);
+    finished.get(photo)?.();
     if (isOpen(photo)) openPhoto(photo);
   }
   isMeasuring = false;
@@ -98,6 +100,25 @@ function openPhoto(photo) {
   });
 }
 
+/** Aim with a live preview, or leave the photo to the camera's own program where there is no preview. */
+async function takePhotos() {
+  try {
+    if (!canAim()) throw new Error("no cameras here");
+    await aim(addAimed);
+  } catch {
+    find("capture").click();
+  }
+}
+
+/** Measure a photo that was aimed at and return a short text on it. */
+async function addAimed(file) {
+  const [photo] = addFiles([file]);
+  await new Promise((resolve) => finished.set(photo, resolve));
+  if (!isMeasured(photo)) return "no area: see the list";
+  const [area, uncertainty] = formatArea(...sumAreas(photo.measurement.leaves));
+  return `${area} ± ${uncertainty} cm²`;
+}
+
 function download(blob, name) {
   const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: name });
   link.click();
@@ -112,7 +133,7 @@ async function saveTable(format, type, suffix) {
 
 function setUpButtons() {
   find("choose").onclick = () => find("files").click();
-  find("take").onclick = () => find("capture").click();
+  find("take").onclick = takePhotos;
   for (const id of ["files", "capture"]) {
     find(id).onchange = ({ target }) => {
       // A copy, as emptying the field, which lets the same file be chosen again, empties its list.

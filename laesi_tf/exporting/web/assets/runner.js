@@ -4,7 +4,6 @@ import { loadAndCompile, loadLiteRt, Tensor } from "./runtime/litert.js";
 import { readModelFile } from "./model_file.js";
 
 const FOLDER = new URL("./runtime/", import.meta.url).href;
-const SHAPES = { photo: (values) => [Math.sqrt(values.length / 3), Math.sqrt(values.length / 3), 3], size: () => [2] };
 
 let loading;
 
@@ -34,7 +33,7 @@ export class Runner {
   /** Return the outputs by name for `inputs` by name, typed arrays both. */
   async run(inputs) {
     const tensors = {};
-    for (const [name, values] of Object.entries(inputs)) tensors[name] = new Tensor(values, SHAPES[name]?.(values) ?? []);
+    for (const [name, values] of Object.entries(inputs)) tensors[name] = new Tensor(values, shapeOf(values));
     let results = {};
     try {
       results = await this.signature.run(tensors);
@@ -43,4 +42,10 @@ export class Runner {
       for (const tensor of [...Object.values(tensors), ...Object.values(results)]) tensor.delete();
     }
   }
+}
+
+/** Return the shape of an input: a square picture, the two numbers of a size, or a single number. */
+function shapeOf(values) {
+  if (values instanceof Uint8Array) return [Math.sqrt(values.length / 3), Math.sqrt(values.length / 3), 3];
+  return values.length === 1 ? [] : [values.length];
 }

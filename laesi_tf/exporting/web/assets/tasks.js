@@ -4,28 +4,31 @@ import { decodePicture } from "./decode.js";
 import { describeMeasurement, makeInputs } from "./measurement.js";
 import { Runner } from "./runner.js";
 import { loadSentences } from "./sentences.js";
+import { makeGuidanceInputs } from "./view.js";
 
 const THUMBNAIL_PX = 240;
 
-let photoGraph;
+const graphs = {};
+let canvas;
 
-function loadPhotoGraph() {
-  photoGraph ??= Runner.load("photo.tflite", "photo");
+/** Return the graph of a kind, `photo` or `guidance`, loaded once. */
+function loadGraph(kind) {
+  graphs[kind] ??= Runner.load(`${kind}.tflite`, kind);
   // A file that could not be loaded is asked for again with the next photo.
-  photoGraph.catch(() => (photoGraph = undefined));
-  return photoGraph;
+  graphs[kind].catch(() => delete graphs[kind]);
+  return graphs[kind];
 }
 
 export const TASKS = {
   /** Load all that measuring needs. */
   async load() {
-    await Promise.all([loadPhotoGraph(), loadSentences()]);
+    await Promise.all([loadGraph("photo"), loadSentences()]);
   },
 
   /** Measure a photo, {blob, gridMm}; returns its measurement, its size and a thumbnail. */
   async measure({ blob, gridMm }) {
     const sentences = await loadSentences();
-    const graph = await loadPhotoGraph();
+    const graph = await loadGraph("photo");
     const picture = await decodePicture(blob, graph.metadata.input_size[0], sentences.limits);
     const started = performance.now();
     const outputs = await graph.run(makeInputs(picture, gridMm));
@@ -39,7 +42,23 @@ export const TASKS = {
       thumbnail: await makeThumbnail(picture),
     };
   },
+
+  /** Return the hint, {hint}, for a preview image, {bitmap}, and the measures that it follows from. */
+  async guide({ bitmap }) {
+    const graph = await loadGraph("guidance");
+    const outputs = await graph.run(makeGuidanceInputs(readPixels(bitmap), graph.metadata));
+    return Object.fromEntries(Object.entries(outputs).map(([name, [value]]) => [name, value]));
+  },
 };
+
+function readPixels(bitmap) {
+  const { width, height } = bitmap;
+  if (canvas?.width !== width || canvas.height !== height) canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext("2d", { alpha: false, willReadFrequently: true });
+  context.drawImage(bitmap, 0, 0);
+  bitmap.close();
+  return context.getImageData(0, 0, width, height);
+}
 
 /** Throw where LiteRT.js gave numbers that no photo has, as it does in silence for operations it lacks. */
 function requireNumbers(outputs) {
