@@ -38,7 +38,8 @@ def open_page(browser: chromium.Browser, address: str, **window: Any) -> None:
     """Open the page and wait until it can measure."""
     browser.call("Runtime.enable")
     browser.open(address, **window)
-    browser.wait_until("document.body?.dataset.ready || document.querySelector('#fault:not([hidden])')", 120)
+    ready = "document.body?.dataset.ready || document.getElementById('fault')?.hidden === false"
+    browser.wait_until(ready, 120)
 
 
 def measure_files(browser: chromium.Browser, files: Sequence[Path]) -> list[dict[str, Any]]:

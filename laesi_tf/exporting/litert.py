@@ -1,7 +1,8 @@
 """Convert networks, and the whole measurement, to LiteRT graphs of several precisions.
 
-A graph of kind `photo` is the whole measurement of `estimators.graph`, `guidance` says what is missing
-in a preview; kinds `area` and `mask` are one network. The geometry of `photo` stays float32 in every variant, so int8 is for the networks alone.
+A graph of kind `photo` is the whole measurement of `estimators.graph`; `guidance` says what is missing in a
+preview; kinds `area` and `mask` are one network. The geometry of `photo` stays float32 in every variant, so
+int8 is for the networks alone.
 """
 
 import math

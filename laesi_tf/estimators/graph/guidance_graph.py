@@ -69,7 +69,7 @@ class GuidanceParams:
     """Of parts where the whole view shows a ruling: if fewer cells show it, it is blurred or shaken."""
     finest_px: float = parameter(2.5, unit="frame pixels", set_on="the guide to photos, 2026-11-29")
     """Distance of lines that can be read in the photo."""
-    most_hidden: float = parameter(0.5, unit="share of the cells", set_on=_SET_ON)
+    most_hidden: float = parameter(0.58, unit="share of the cells", set_on=_SET_ON)
     """Cells that may hide finer lines, at most."""
     steepest_deg: float = parameter(19.0, unit="degrees", set_on=_SET_ON)
     """Tilt of the paper; 35 degrees are often seen as 20 to 25."""

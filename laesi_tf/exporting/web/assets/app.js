@@ -39,7 +39,8 @@ async function keep(photo) {
 
 /** Measure files, in their order, each as a photo of its own; returns these. */
 function addFiles(files) {
-  const added = files.map((file) => ({ file, name: file.name.replace(/\.[^.]+$/, ""), added: new Date().toISOString() }));
+  const shared = { added: new Date().toISOString(), grid_mm: readGridMm() };
+  const added = files.map((file) => ({ file, name: file.name.replace(/\.[^.]+$/, ""), ...shared }));
   photos.push(...added);
   queue.push(...added);
   showAll();
@@ -63,7 +64,6 @@ async function measureQueue() {
 }
 
 async function measurePhoto(photo) {
-  photo.grid_mm = readGridMm();
   try {
     Object.assign(photo, await runTask("measure", { blob: photo.file, gridMm: photo.grid_mm }), { error: null });
     showFault("");
@@ -84,11 +84,11 @@ function openPhoto(photo) {
       await keep(photo);
       showAll();
     },
-    measureAgain: async () => {
-      Object.assign(photo, { measurement: null, error: null });
+    measureAgain: (_, gridMm) => {
+      Object.assign(photo, { measurement: null, error: null, grid_mm: gridMm });
       queue.push(photo);
       openPhoto(photo);
-      await measureQueue();
+      measureQueue();
     },
     saveFile: () => download(photo.file, photo.file.name),
     remove: async () => {

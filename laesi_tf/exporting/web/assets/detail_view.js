@@ -15,6 +15,8 @@ export function showDetail(photo, actions) {
   if (!dialog.open) dialog.showModal();
   dialog.scrollTop = 0;
   dialog.onclose = () => {
+    // The event comes late: another photo may be shown by now.
+    if (dialog.open) return;
     URL.revokeObjectURL(address);
     address = undefined;
     dialog.replaceChildren();
@@ -58,17 +60,30 @@ function findMiddle(ring) {
 function makeBody(photo, actions, dialog) {
   const name = make("input", { type: "text", id: "name", value: photo.name, autocomplete: "off" });
   name.onchange = () => actions.rename(photo, name.value.trim() || photo.file.name);
-  const close = make("button", { type: "button", className: "main", onclick: () => dialog.close() }, "Done");
-  const again = make("button", { type: "button", onclick: () => actions.measureAgain(photo) }, "Measure again");
+  const grid = makeGridField(photo.grid_mm);
+  const close = make("button", { type: "button", className: "main", autofocus: true, onclick: () => dialog.close() }, "Done");
+  const measureAgain = () => grid.reportValidity() && actions.measureAgain(photo, Number(grid.value) || null);
+  const again = make("button", { type: "button", onclick: measureAgain }, "Measure again");
   const save = make("button", { type: "button", onclick: () => actions.saveFile(photo) }, "Save photo");
   const remove = make("button", { type: "button", className: "danger", onclick: () => actions.remove(photo) }, "Delete");
   return make(
     "div",
     { className: "body" },
     ...describeResult(photo),
-    make("div", {}, make("label", { htmlFor: "name" }, "Name"), name),
+    make(
+      "div",
+      { className: "fields" },
+      make("div", {}, make("label", { htmlFor: "name" }, "Name"), name),
+      make("div", {}, make("label", { htmlFor: grid.id }, "Line distance"), grid),
+    ),
     make("div", { className: "actions" }, close, again, save, remove),
   );
+}
+
+/** Return the field for the distance of the finest lines, with the limits of that in the settings. */
+function makeGridField(gridMm) {
+  const field = find("grid").cloneNode();
+  return Object.assign(field, { id: "grid-of-photo", value: gridMm ?? "", placeholder: "mm" });
 }
 
 function describeResult(photo) {
@@ -88,7 +103,7 @@ function describeResult(photo) {
       "p",
       { className: "legend" },
       make("i", { className: "key-outline" }), "outline",
-      make("i", { className: "key-grid" }), "every tenth printed line as it was read; where both are right, the area is",
+      make("i", { className: "key-grid" }), "every tenth printed line, as it was read. Where both lie right, the area is right.",
     ),
   ];
 }
@@ -110,7 +125,7 @@ function makeTable(leaves) {
     const [area, uncertainty] = formatArea(leaf.area_cm2, leaf.uncertainty_cm2);
     return cells("td", [`${index + 1}`, `${area} ± ${uncertainty}`, leaf.length_mm.toFixed(1), leaf.width_mm.toFixed(1)]);
   });
-  return make("table", {}, cells("th", ["Leaf", "cm²", "length, mm", "width, mm"]), ...rows);
+  return make("table", {}, cells("th", ["Leaf", "cm²", "mm long", "mm wide"]), ...rows);
 }
 
 const capitalise = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -31,6 +31,8 @@ function describeResult(photo) {
     result.append(make("span", { className: "dim" }, "Measuring…"));
   } else {
     result.append(makeArea(photo.measurement.leaves));
+    const { leaves } = photo.measurement;
+    if (leaves.length > 1) result.append(make("span", { className: "reason" }, `${leaves.length} leaves together`));
     const notes = listNotes(photo.measurement);
     if (notes.length) result.append(make("span", { className: "reason note" }, notes[0]));
   }
@@ -40,8 +42,7 @@ function describeResult(photo) {
 /** Return the area of leaves as an element. */
 export function makeArea(leaves) {
   const [area, uncertainty] = formatArea(...sumAreas(leaves));
-  const count = leaves.length > 1 ? `, ${leaves.length} leaves` : "";
-  return make("span", { className: "area" }, `${area} `, make("small", {}, `± ${uncertainty} cm²${count}`));
+  return make("span", { className: "area" }, `${area} `, make("small", {}, `± ${uncertainty} cm²`));
 }
 
 function addressOf(photo) {
