@@ -1,6 +1,7 @@
 """A real browser without a window, driven through its debugging pipe."""
 
 import base64
+import contextlib
 import json
 import os
 import shutil
@@ -110,6 +111,23 @@ class Browser:
                 raise TimeoutError(f"not true within {seconds} s: {script}; text of the page: {text[:500]}")
             time.sleep(0.05)
         return value
+
+    def measure_memory_mb(self) -> float:
+        """Return the memory of the browser's processes, with shared pages counted once, MB."""
+        children: dict[str, list[str]] = {}
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            with contextlib.suppress(OSError):
+                parent = stat.read_text().rpartition(")")[2].split()[1]
+                children.setdefault(parent, []).append(stat.parent.name)
+        processes = [str(self._process.pid)]
+        for process in processes:
+            processes += children.get(process, [])
+        total = 0
+        for process in processes:
+            with contextlib.suppress(OSError):
+                text = Path(f"/proc/{process}/smaps_rollup").read_text()
+                total += int(text.partition("\nPss:")[2].split()[0])
+        return total / 1024
 
     def _read_message(self) -> dict[str, Any]:
         while b"\0" not in self._unread:

@@ -34,7 +34,7 @@ def main() -> None:
     options = parser.parse_args()
     photos = list(read_manifest(options.manifest, split=options.split))[: options.photos]
     estimator = load_litert_estimator(options.page / "photo.tflite")
-    worst, differing, times, python_times = 0.0, 0, [], []
+    worst, differing, times, python_times, memory = 0.0, 0, [], [], []
     with (
         tempfile.TemporaryDirectory() as folder,
         serve(options.page) as address,
@@ -50,6 +50,7 @@ def main() -> None:
             python_times.append((time.perf_counter() - started) * 1e3)
             (shown,) = measure_files(browser, [path])
             times.append(shown["milliseconds"])
+            memory.append(browser.measure_memory_mb())
             refusal = shown["measurement"]["refusal"]
             areas = [leaf.get("area_cm2") for leaf in shown["measurement"]["leaves"]]
             wanted = [leaf.area_cm2 for leaf in expected.leaves]
@@ -69,6 +70,9 @@ def main() -> None:
     print(
         f"median time per photo: page {statistics.median(times):.0f} ms in the graph and around it, "
         f"Python {statistics.median(python_times):.0f} ms"
+    )
+    print(
+        f"memory of the browser: {memory[len(memory) // 4]:.0f} MB after a quarter, {memory[-1]:.0f} at the end"
     )
     sys.exit(1 if differing or exceptions else 0)
 

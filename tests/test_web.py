@@ -161,7 +161,7 @@ const size = fitSize(width, height, side);
 const shrinker = new AreaShrinker(width, height, size.width, size.height);
 const pixels = fs.readFileSync(process.argv[3]);
 const strip = 50 * width * 4;
-for (let start = 0; start < pixels.length; start += strip) shrinker.add(pixels.subarray(start, start + strip));
+for (let at = 0; at < pixels.length; at += strip) shrinker.add(pixels.subarray(at, at + strip));
 fs.writeSync(1, JSON.stringify([size.width, size.height, ...shrinker.pixels]));
 """
 

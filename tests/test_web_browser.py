@@ -14,7 +14,16 @@ from drawn_sheets import View, draw_photo
 from litert_files import write_guidance_file
 from PIL import Image
 from test_ruling_estimator import MILLIMETRES, draw_disk
-from web_pages import DESKTOP, PHONE, list_exceptions, measure_files, open_page, read_photos, serve
+from web_pages import (
+    DESKTOP,
+    PHONE,
+    fake_camera,
+    list_exceptions,
+    measure_files,
+    open_page,
+    read_photos,
+    serve,
+)
 
 from laesi_tf.data.decoding import decode_photo
 from laesi_tf.estimators.base import Estimator, PhotoInfo
@@ -275,18 +284,6 @@ def test_screen_readers_and_contrast(phone: chromium.Browser, axe: str, scheme: 
     phone.call("Emulation.setEmulatedMedia", features=[])
 
 
-def make_video(path: Path, image: np.ndarray) -> list[str]:
-    """Write a video of one image, and return the flags that show it to the page as a camera."""
-    frame = io.BytesIO()
-    Image.fromarray(image).save(frame, "JPEG", quality=90)
-    path.write_bytes(frame.getvalue() * 10)
-    return [
-        "--use-fake-ui-for-media-stream",
-        "--use-fake-device-for-media-stream",
-        f"--use-file-for-fake-video-capture={path}",
-    ]
-
-
 HINT = "document.getElementById('hint').dataset.state"
 
 
@@ -298,7 +295,7 @@ def test_hints_while_aiming(address: str, tmp_path: Path, kind: str) -> None:
     elif kind == "unruled":
         image = np.full((960, 1280, 3), 200, np.uint8)
     expected = {"good": "Good", "dark": "Too dark", "unruled": "No ruling"}[kind]
-    with chromium.Browser(flags=make_video(tmp_path / "camera.mjpeg", image)) as browser:
+    with chromium.Browser(flags=fake_camera(tmp_path / "camera.mjpeg", image)) as browser:
         open_page(browser, address, **PHONE)
         browser.evaluate("document.getElementById('take').click()")
         browser.wait_until(f"document.getElementById('hint').textContent.startsWith('{expected}')", 60)

@@ -1,6 +1,7 @@
 """The page in a real browser, and what it measures there."""
 
 import contextlib
+import io
 import json
 import threading
 from collections.abc import Iterator, Sequence
@@ -8,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import chromium
+import numpy as np
+from PIL import Image
 
 from laesi_tf.exporting.web.server import open_server
 
@@ -55,6 +58,18 @@ def read_photos(browser: chromium.Browser) -> list[dict[str, Any]]:
     """Return the photos that the page keeps, without their files."""
     photos: list[dict[str, Any]] = json.loads(browser.evaluate(_READ))
     return photos
+
+
+def fake_camera(path: Path, image: np.ndarray) -> list[str]:
+    """Write a video of one `image`, and return the flags that show it to the page as a camera."""
+    frame = io.BytesIO()
+    Image.fromarray(image).save(frame, "JPEG", quality=90)
+    path.write_bytes(frame.getvalue() * 10)
+    return [
+        "--use-fake-ui-for-media-stream",
+        "--use-fake-device-for-media-stream",
+        f"--use-file-for-fake-video-capture={path}",
+    ]
 
 
 def list_exceptions(browser: chromium.Browser) -> list[str]:
