@@ -36,7 +36,7 @@ def main(arguments: Sequence[str]) -> None:
         help="first fetch LiteRT.js with npm, where the installation could not",
     )
     options = parser.parse_args(arguments)
-    from laesi_tf.exporting.web.site import fetch_runtime, find_runtime
+    from laesi_tf.exporting.web.site import fetch_runtime, find_runtime, require_own_folder
 
     if options.fetch_runtime:
         fetch_runtime()
@@ -46,6 +46,7 @@ def main(arguments: Sequence[str]) -> None:
     if options.out is None:
         raise InputError("name the folder to write with --out DIR; see --help")
     find_runtime()
+    require_own_folder(options.out)
     require_writable(options.out / "index.html")
     size = _write(options.out, options.model)
     print(f"written: {options.out}, {size / 1e6:.1f} MB; it needs HTTPS on a phone")
@@ -65,6 +66,7 @@ def _write(out: Path, model: Path | None) -> int:
     from laesi_tf.exporting.web.sentences import collect_sentences
     from laesi_tf.exporting.web.site import write_site
 
+    print("converting the shipped networks; this takes a minute or more", flush=True)
     # The converter writes hundreds of lines to stderr.
     with suppress_stderr():
         models |= convert_models(without=models)

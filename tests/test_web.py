@@ -96,6 +96,14 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "page").exists()
 
 
+@pytest.mark.usefixtures("runtime")
+def test_another_page_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("mine")
+    with pytest.raises(InputError, match="another web page"):
+        web.main(["--out", str(tmp_path)])
+    assert (tmp_path / "index.html").read_text() == "mine"
+
+
 def make_npm(folder: Path, content: dict[str, bytes] | None) -> None:
     """Write a program that packs `content` as npm would; one that fails for None."""
     folder.mkdir()

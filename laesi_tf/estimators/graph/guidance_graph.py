@@ -29,6 +29,10 @@ PART_PLACES = 0.2, 0.8
 """Middles of the parts in units of the preview's height and width."""
 _FAINTEST = 9.0
 """Variance of detail in squared grey levels: less is noise on even paper."""
+_APART = 4
+"""Cells between those whose distances of lines are compared for the tilt."""
+_LARGEST_CHANGE = 4.5
+"""Bins by which these may differ: two levels of lines differ by eight at least."""
 _COARSEST_PX = 30.0
 """Distance of lines that the network reads well."""
 _LUMINANCE = (0.299, 0.587, 0.114)
@@ -72,7 +76,7 @@ class GuidanceParams:
     most_hidden: float = parameter(0.58, unit="share of the cells", set_on=_SET_ON)
     """Cells that may hide finer lines, at most."""
     steepest_deg: float = parameter(19.0, unit="degrees", set_on=_SET_ON)
-    """Tilt of the paper; 35 degrees are often seen as 20 to 25."""
+    """Tilt of the paper as it is seen here: 35 degrees are often seen as 20 to 25."""
     smallest_leaf: float = parameter(0.003, unit="share of the view", set_on=_SET_ON)
     """Area of what is taken for a leaf."""
     border_px: int = parameter(3, unit="network pixels", set_on=_SET_ON)
@@ -235,33 +239,22 @@ def measure_tilt(periods: tf.Tensor, ruled: tf.Tensor) -> tf.Tensor:
     """
     bins = np.arange(PERIOD_BINS, dtype=np.float32)
     best = tf.cast(tf.argmax(periods, -1), tf.float32)
-    near = tf.maximum(0.0, 1 - tf.abs(bins - best[..., None]) / 3)
-    places = tf.reduce_sum(near * periods * bins, -1) / tf.maximum(tf.reduce_sum(near * periods, -1), 1e-6)
-    votes = tf.reduce_sum(ruled[..., None] * periods, [0, 1])
-    # Elsewhere lines of another level are the finest that are seen.
-    same = tf.cast(tf.abs(places - tf.cast(tf.argmax(votes), tf.float32)) < 5, tf.float32)
-    weights = ruled * same
-    total = tf.maximum(tf.reduce_sum(weights), 1.0)
-    cells = (np.arange(_CELLS, dtype=np.float32) + 0.5) / _CELLS
-    x, y = np.meshgrid(cells, cells)
+    near = tf.maximum(0.0, 1 - tf.abs(bins - best[..., None]) / 3) * periods
+    places = tf.reduce_sum(near * bins, -1) / tf.maximum(tf.reduce_sum(near, -1), 1e-6)
 
-    def center(values: tf.Tensor) -> tf.Tensor:
-        return values - tf.reduce_sum(weights * values) / total
+    def measure_slope(places: tf.Tensor, ruled: tf.Tensor) -> tf.Tensor:
+        """Return the mean change of ln of the distance from top to bottom of a view as high as wide."""
+        change = places[_APART:] - places[:-_APART]
+        # Larger ones are from lines of one level to those of another.
+        counts = ruled[_APART:] * ruled[:-_APART] * tf.cast(tf.abs(change) < _LARGEST_CHANGE, tf.float32)
+        total = tf.reduce_sum(counts)
+        mean = tf.reduce_sum(counts * change) / tf.maximum(total, 1.0)
+        return tf.where(total < _CELLS, 0.0, mean * (LOG_STEP * _CELLS / _APART))
 
-    def correlate(one: tf.Tensor, other: tf.Tensor) -> tf.Tensor:
-        return tf.reduce_sum(weights * one * other) / total
-
-    dx, dy, dp = center(tf.constant(x)), center(tf.constant(y)), center(places * LOG_STEP)
-    xx, xy, yy = correlate(dx, dx), correlate(dx, dy), correlate(dy, dy)
-    xp, yp = correlate(dx, dp), correlate(dy, dp)
-    determinant = xx * yy - xy * xy
-    slope_x = (xp * yy - yp * xy) / tf.maximum(determinant, 1e-6)
-    slope_y = (yp * xx - xp * xy) / tf.maximum(determinant, 1e-6)
-    slope = tf.sqrt(slope_x**2 + slope_y**2)
-    # A narrow strip of cells says nothing.
-    is_wide = determinant > 1e-4
-    tilt = tf.atan2(FOCAL * slope / 1.5, tf.ones_like(slope)) * (180 / math.pi)
-    return tf.where(is_wide, tilt, 0.0)
+    down = measure_slope(places, ruled)
+    across = measure_slope(tf.transpose(places), tf.transpose(ruled))
+    slope = tf.sqrt(down**2 + across**2)
+    return tf.atan2(FOCAL * slope / 1.5, tf.ones_like(slope)) * (180 / math.pi)
 
 
 def _measure_share_seen(ruled: tf.Tensor, clear: tf.Tensor, extent: tf.Tensor) -> tf.Tensor:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -36,6 +35,12 @@ def fetch_runtime() -> None:
         raise InputError(f"cannot fetch LiteRT.js: {error}") from None
 
 
+def require_own_folder(out: Path) -> None:
+    """Raise InputError if `out` holds a page that this module has not written."""
+    if (out / "index.html").exists() and not (out / _WORKER).exists():
+        raise InputError(f"{out} holds another web page, which would be replaced; choose another --out")
+
+
 def write_site(
     out: Path, *, models: Mapping[str, bytes], documents: Mapping[str, bytes], sentences: Mapping[str, Any]
 ) -> int:
@@ -49,8 +54,6 @@ def write_site(
     contents |= dict(models) | dict(documents)
     contents["sentences.json"] = json.dumps(sentences, ensure_ascii=False, indent=1).encode()
     worker = contents.pop(_WORKER).decode()
-    # Files that an earlier version had would stay in the runtime's folder.
-    shutil.rmtree(out / "runtime", ignore_errors=True)
     for name, content in contents.items():
         write_bytes(out / name, content)
     # Last, so that browsers take the new version only when all of it is there.
