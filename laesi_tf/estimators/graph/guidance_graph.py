@@ -27,7 +27,7 @@ _BLOCK = 8
 """Side in network pixels of the blocks of leaf that are compared with the ruled cells."""
 PART_PLACES = 0.2, 0.8
 """Middles of the parts in units of the preview's height and width."""
-_FAINTEST = 9.0
+_FAINTEST = 3.0
 """Variance of detail in squared grey levels: less is noise on even paper."""
 _APART = 4
 """Cells between those whose distances of lines are compared for the tilt."""
@@ -81,6 +81,8 @@ class GuidanceParams:
     """Area of what is taken for a leaf."""
     border_px: int = parameter(3, unit="network pixels", set_on=_SET_ON)
     """So many pixels of leaf on the view's border cut it off."""
+    sheet_cells: int = parameter(48, unit="cells", set_on=_SET_ON)
+    """Cells of the whole view that must show a ruling to say what lies beside it."""
     on_sheet: float = parameter(0.5, unit="share of the leaf", set_on="RulingEstimatorParams.on_sheet")
     """Of the leaf, what lies within the ruled cells."""
     deepest_shadow: float = parameter(0.5, unit="ratio of grey levels", set_on=_SET_ON)
@@ -155,6 +157,8 @@ class GuidanceGraph(tf.Module):
         on_border = tf.reduce_sum(leaf * _draw_border(shown))
         shadow = measure_evenness(luminance[0], ruled)
         on_sheet = _measure_share_on(leaf, ruled)
+        # A ruling that is too fine for the whole view shows in the parts alone.
+        shows_sheet = tf.reduce_sum(ruled) >= params.sheet_cells
         is_unread = ruling.cells < params.fewest_cells
         is_blurred = (sharpness < params.blurred) | (ruling.seen < params.unseen)
         reasons = [
@@ -168,7 +172,7 @@ class GuidanceGraph(tf.Module):
             (ruling.tilt_deg > params.steepest_deg, Hint.TOO_TILTED),
             (share < params.smallest_leaf, Hint.NO_LEAF),
             (on_border >= params.border_px, Hint.LEAF_CUT_OFF),
-            (on_sheet < params.on_sheet, Hint.LEAF_OFF_PAPER),
+            (shows_sheet & (on_sheet < params.on_sheet), Hint.LEAF_OFF_PAPER),
             (shadow < params.deepest_shadow, Hint.SHADOW),
         ]
         hint = tf.constant(Hint.READY, tf.int32)
