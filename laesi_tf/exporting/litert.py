@@ -210,6 +210,7 @@ def _describe_guidance() -> dict[str, Any]:
             "hint": "int32, see hints",
             "brightness": "float32, mean grey level",
             "sharpness": "float32, share of the power of fine detail that is finer still",
+            "one_sidedness": "float32, 0 if edges run in all directions, 1 if in one",
             "cells": "float32, cells of 16 pixels that show a ruling",
             "seen": "float32, share of them that shows it in the parts, too",
             "period_px": "float32, distance of the finest lines that are seen, pixels of the photo's frame",

@@ -69,6 +69,8 @@ class GuidanceParams:
     """Mean of a view that is bright enough."""
     blurred: float = parameter(0.035, unit="share of the power", set_on=_SET_ON)
     """Of detail finer than 9 pixels, what is finer than 3 pixels: less is blurred."""
+    shaken: float = parameter(0.45, unit="coherence", set_on=_SET_ON)
+    """Edges that run so far in one direction are those of a ruling that was shaken."""
     unseen: float = parameter(0.3, unit="share of the cells", set_on=_SET_ON)
     """Of parts where the whole view shows a ruling: if fewer cells show it, it is blurred or shaken."""
     finest_px: float = parameter(2.5, unit="frame pixels", set_on="the guide to photos, 2026-11-29")
@@ -160,7 +162,9 @@ class GuidanceGraph(tf.Module):
         # A ruling that is too fine for the whole view shows in the parts alone.
         shows_sheet = tf.reduce_sum(ruled) >= params.sheet_cells
         is_unread = ruling.cells < params.fewest_cells
+        one_sidedness = measure_one_sidedness(luminance[1])
         is_blurred = (sharpness < params.blurred) | (ruling.seen < params.unseen)
+        is_blurred |= one_sidedness > params.shaken
         reasons = [
             (brightness < params.darkest, Hint.TOO_DARK),
             (is_unread, Hint.NO_RULING),
@@ -182,6 +186,7 @@ class GuidanceGraph(tf.Module):
             "hint": hint,
             "brightness": brightness,
             "sharpness": sharpness,
+            "one_sidedness": one_sidedness,
             "cells": ruling.cells,
             "seen": ruling.seen,
             "period_px": ruling.period_px,
@@ -280,8 +285,7 @@ def _measure_share_seen(ruled: tf.Tensor, clear: tf.Tensor, extent: tf.Tensor) -
 def measure_sharpness(luminance: tf.Tensor) -> tf.Tensor:
     """Return the share of the power of fine detail that is finer still, of four parts [VIEW_PX, VIEW_PX];
     0 where there is no detail."""
-    tiles = tf.reshape(luminance, [2, TILE_PX, 2, TILE_PX])
-    tiles = tf.reshape(tf.transpose(tiles, [0, 2, 1, 3]), [4, TILE_PX, TILE_PX, 1])
+    tiles = _split_parts(luminance)
 
     def remove_mean(side: int) -> tf.Tensor:
         rest = tiles - tf.nn.avg_pool2d(tiles, side, 1, "SAME")
@@ -291,6 +295,29 @@ def measure_sharpness(luminance: tf.Tensor) -> tf.Tensor:
     # The sharpest part: paper may lie in one of them alone. Nearly even parts show noise.
     shares = tf.where(powers[1] > _FAINTEST, powers[0] / tf.maximum(powers[1], 1e-6), 0.0)
     return tf.reduce_max(shares)
+
+
+def measure_one_sidedness(luminance: tf.Tensor) -> tf.Tensor:
+    """Return how far the edges in four parts [VIEW_PX, VIEW_PX] run in one direction: 0 both, 1 one alone.
+
+    It is that of the part with the most directions, the coherence of its structure tensor. A camera that
+    moves blurs one of two crossing families of lines.
+    """
+    tiles = _split_parts(luminance)
+    across = tiles[:, 1:-1, 2:] - tiles[:, 1:-1, :-2]
+    down = tiles[:, 2:, 1:-1] - tiles[:, :-2, 1:-1]
+    xx, xy, yy = (
+        tf.reduce_mean(one * other, [1, 2, 3])
+        for one, other in ((across, across), (across, down), (down, down))
+    )
+    coherence = tf.sqrt((xx - yy) ** 2 + 4 * xy**2) / tf.maximum(xx + yy, 1e-6)
+    return tf.reduce_min(tf.where(xx + yy > _FAINTEST, coherence, 1.0))
+
+
+def _split_parts(luminance: tf.Tensor) -> tf.Tensor:
+    """Return the parts, [4, TILE_PX, TILE_PX, 1], of a picture [VIEW_PX, VIEW_PX] of four."""
+    tiles = tf.reshape(luminance, [2, TILE_PX, 2, TILE_PX])
+    return tf.reshape(tf.transpose(tiles, [0, 2, 1, 3]), [4, TILE_PX, TILE_PX, 1])
 
 
 def measure_evenness(luminance: tf.Tensor, ruled: tf.Tensor) -> tf.Tensor:
