@@ -22,6 +22,8 @@ COMMANDS = (
     "filter",
     "serve",
     "export",
+    "web",
+    "sheet",
     "similarity",
     "benchmark",
     "stress",

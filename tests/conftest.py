@@ -45,11 +45,14 @@ _TOGETHER = (
     "test_golden",
     "test_litert_estimator",
     "test_predict",
+    "test_printed_sheet",
     "test_ruling_estimator",
     "test_sensitivity",
     "test_sheet_reader",
+    "test_web_browser",
 )
-"""Files that read rulings: one worker runs them all, since tracing the reader takes over 10 s of CPU."""
+"""Files that read rulings, or measure with the LiteRT file: one worker runs them all, since tracing the
+reader takes over 10 s of CPU and converting it a minute."""
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -99,6 +102,16 @@ def keras_sheet_reader() -> Any:
     from laesi_tf.estimators.factory import load_shipped_reader
 
     return load_shipped_reader(in_keras=True)
+
+
+@pytest.fixture(scope="session")
+def photo_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Convert the whole measurement, with a stand-in for the mask network, to a LiteRT file."""
+    from litert_files import write_photo_file
+
+    path = tmp_path_factory.mktemp("litert") / "photo.tflite"
+    write_photo_file(path)
+    return path
 
 
 @pytest.fixture(scope="session")

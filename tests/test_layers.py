@@ -47,6 +47,7 @@ THIRD_PARTY = [
     "matplotlib.figure",
     "optuna",
     "PIL.Image",
+    "setuptools.command.build_py",
     "sqlalchemy",
     "scipy.stats",
 ]

@@ -7,7 +7,7 @@ import pytest
 from drawn_sheets import View, draw_photo
 from estimator_conformance import EstimatorConformance
 from green import LEAF, disk, mask_network, photo
-from litert_files import SIZE, write_photo_file
+from litert_files import SIZE
 from test_ruling_estimator import MILLIMETRES, draw_disk
 
 from laesi_tf.estimators.base import Estimator, PhotoInfo
@@ -19,16 +19,9 @@ from laesi_tf.estimators.ruling_estimator import RulingEstimator
 
 
 @pytest.fixture(scope="module")
-def photo_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("litert") / "photo.tflite"
-    write_photo_file(path)
-    # The weights of the ruling network are in it.
-    assert path.stat().st_size > 4 * 0.47e6
-    return path
-
-
-@pytest.fixture(scope="module")
 def litert(photo_file: Path) -> Estimator:
+    # The weights of the ruling network are in it.
+    assert photo_file.stat().st_size > 4 * 0.47e6
     estimator = load_estimator(photo_file)
     assert isinstance(estimator, LiteRtEstimator)
     return estimator
@@ -88,6 +81,10 @@ def test_the_pitch_can_be_named_and_so_can_the_scale(
 ) -> None:
     fives, true_cm2 = draw_disk(View(600, 800), levels={5.0: 0.8})
     assert litert.measure(fives, PhotoInfo(grid_mm=5.0)).area_cm2 == pytest.approx(true_cm2, rel=0.02)
+    # A printer that shrinks to 97 % leaves the lines of the sheet 0.97 mm apart.
+    image, true_cm2 = draw_disk(View(600, 800))
+    shrunk_print = litert.measure(image, PhotoInfo(grid_mm=0.97))
+    assert shrunk_print.area_cm2 == pytest.approx(0.97**2 * true_cm2, rel=0.02)
     # As `load_estimator(FILE, has_known_scale=True)` would, without half a gigabyte for a second interpreter.
     monkeypatch.setattr(litert, "_reads_ruling", False)
     image = photo(1300, 1700)

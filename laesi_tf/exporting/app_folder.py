@@ -53,7 +53,7 @@ def export_litert(
     A file that is not as good as its parent is deleted. Int8 ranges come from `calibration`. Raises
     InputError.
     """
-    origins = {task: _name_run(run) for task, run in networks._asdict().items()}
+    origins = {task: name_run(run) for task, run in networks._asdict().items()}
     for kind, possible in VARIANTS.items():
         wanted = [variant for variant in possible if variant in variants]
         if not wanted:
@@ -139,7 +139,7 @@ def _answer_with_file(kind: str, path: Path, size: tuple[int, int]) -> Answerer:
     return answer
 
 
-def _name_run(run: Run) -> str:
+def name_run(run: Run) -> str:
     """Return the name of a run and the hash of its weights, without the folders of this machine."""
     weights = run.path / EXPORTED_WEIGHTS_FILE
     if not weights.is_file():

@@ -1,7 +1,8 @@
 """Convert networks, and the whole measurement, to LiteRT graphs of several precisions.
 
-A graph of kind `photo` is the whole measurement of `estimators.graph`; kinds `area` and `mask` are one
-network. The geometry of `photo` stays float32 in every variant, so int8 is for the networks alone.
+A graph of kind `photo` is the whole measurement of `estimators.graph`; `guidance` says what is missing in a
+preview; kinds `area` and `mask` are one network. The geometry of `photo` stays float32 in every variant, so
+int8 is for the networks alone.
 """
 
 import math
@@ -14,7 +15,8 @@ from tensorflow.lite.tools import flatbuffer_utils
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.errors import InputError
-from laesi_tf.estimators.graph.photo_graph import PhotoGraph
+from laesi_tf.estimators.graph.guidance_graph import PART_PLACES, TILE_PX, VIEW_PX, GuidanceGraph, Hint
+from laesi_tf.estimators.graph.photo_graph import GRID_NODES, PhotoGraph
 from laesi_tf.estimators.ruling.codes import CUT_OFF, PitchNote, Refusal
 from laesi_tf.estimators.ruling.ruling_graph import RulingGraph
 from laesi_tf.exporting.half_weights import halve_weights
@@ -71,6 +73,9 @@ class NetworkGraph(tf.Module):
 def build_graph(kind: str, mask_run: Run, ruling_run: Run, area_run: Run) -> tuple[tf.Module, Any]:
     """Return the module of a kind and its concrete function. Raises InputError for a network that a photo's
     graph cannot hold."""
+    if kind == "guidance":
+        guidance = GuidanceGraph(mask_run.model, ruling_run.model)
+        return guidance, guidance.guide.get_concrete_function()
     if kind != "photo":
         network = NetworkGraph({"area": area_run, "mask": mask_run}[kind])
         return network, network.predict.get_concrete_function()
@@ -165,6 +170,8 @@ def _describe_photo() -> dict[str, Any]:
             "tilt_deg": "float32, between the camera's axis and the paper's normal",
             "confidence": "float32 0..1, how well the lines follow the fit",
             "sheet": "float32 [14], from frame to lines, see SheetModel: lines lie at whole numbers",
+            "grid": f"float32 [{GRID_NODES}, {GRID_NODES}, 2], how many lines lie left of and above points "
+            "at equal distances over the photo, for drawing",
             "pitch_mm": "float32, distance of those lines, mm; 0 without a ruling",
             "period_px": "float32, distance of the finest lines that were seen, pixels of the frame",
         },
@@ -202,10 +209,44 @@ def _describe_reading() -> dict[str, Any]:
     }
 
 
+def _describe_guidance() -> dict[str, Any]:
+    return {
+        "input_size": [VIEW_PX, VIEW_PX],
+        "frame_size": [FRAME_PX, FRAME_PX],
+        "part_size": TILE_PX,
+        "part_places": PART_PLACES,
+        "inputs": {
+            "view": f"uint8 [{VIEW_PX}, {VIEW_PX}, 3] RGB, the preview, shrunk by area means to a longer "
+            f"side of {VIEW_PX} pixels, in the upper left corner; the rest is 0",
+            "size": "int32 [2], height and width of the preview in it",
+            "parts": f"uint8 [{VIEW_PX}, {VIEW_PX}, 3] RGB, four squares of {TILE_PX} pixels around the "
+            "places part_places of the preview's height and width, at its own resolution, row by row",
+            "frame_px": f"float32, {FRAME_PX} over the preview's longer side in pixels",
+        },
+        "outputs": {
+            "hint": "int32, see hints",
+            "brightness": "float32, mean grey level",
+            "sharpness": "float32, share of the power of fine detail that is finer still",
+            "one_sidedness": "float32, 0 if edges run in all directions, 1 if in one",
+            "cells": "float32, cells of 16 pixels that show a ruling",
+            "seen": "float32, share of them that shows it in the parts, too",
+            "period_px": "float32, distance of the finest lines that are seen, pixels of the photo's frame",
+            "hidden": "float32, share of cells that may hide finer lines",
+            "tilt_deg": "float32, between the camera's axis and the paper's normal",
+            "leaf_share": "float32, share of the view that is leaf",
+            "on_border": "float32, network pixels of leaf on the view's border",
+            "on_sheet": "float32, share of the leaf on the ruled sheet",
+            "evenness": "float32, darkest tenth of the sheet over the brightest",
+        },
+        "hints": {str(int(code)): code.name.lower() for code in Hint},
+    }
+
+
 _DESCRIPTIONS: dict[str, Callable[[], dict[str, Any]]] = {
     "photo": _describe_photo,
     "area": _describe_area,
     "mask": _describe_mask,
     "ruling": _describe_ruling,
     "reading": _describe_reading,
+    "guidance": _describe_guidance,
 }

@@ -54,11 +54,14 @@ class Sheet(NamedTuple):
         """Return `points` [..., 2] of the frame in units of half the longer side from the middle."""
         return (points - tf.reverse(self.size, [0]) / 2) / (tf.reduce_max(self.size) / 2)
 
+    def to_lines(self, points: tf.Tensor) -> tf.Tensor:
+        """Return sheet coordinates [..., 2] of `points` [..., 2] of the frame; lines lie at whole numbers."""
+        place = self.normalise(points)
+        return tf.stack(to_lines(unpack_sheet(self.parameters), place[..., 0], place[..., 1]), -1)
+
     def to_mm(self, points: tf.Tensor) -> tf.Tensor:
         """Return sheet millimetres [..., 2] of `points` [..., 2] of the frame."""
-        place = self.normalise(points)
-        lines = to_lines(unpack_sheet(self.parameters), place[..., 0], place[..., 1])
-        return tf.stack(lines, -1) * self.pitch_mm
+        return self.to_lines(points) * self.pitch_mm
 
     def mm2_per_px(self, points: tf.Tensor) -> tf.Tensor:
         """Return the square millimetres [...] under a frame pixel at `points` [..., 2]."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import keras
+import numpy as np
 import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
 
@@ -33,6 +34,9 @@ from laesi_tf.estimators.ruling.verdict import decide_refusal, find_finest_perio
 from laesi_tf.estimators.ruling_estimator import RulingEstimatorParams
 from laesi_tf.models.inference import freeze_network
 from laesi_tf.models.ruling_cells import CELL_PX, FRAME_PX
+
+GRID_NODES = 33
+"""Points along each side of the photo at which the graph says where the printed lines lie."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,6 +150,7 @@ class PhotoGraph(tf.Module):
             "tilt_deg": tf.where(is_fitted, measure_tilt(parameters, tnp), 0.0),
             "confidence": self._rate_fit(reading, is_fitted),
             "sheet": tf.where(is_fitted, parameters, 0.0),
+            "grid": only(sheet.to_lines(place_nodes(size)), is_fitted),
             "pitch_mm": tf.where(is_fitted, pitch, 0.0),
             "period_px": find_finest_period(reading),
         }
@@ -186,6 +191,13 @@ def put_first(found: Found, counts: tf.Tensor) -> tuple[Found, tf.Tensor]:
     """Return the leaves that `counts` [L] before the others, by falling area, and which they are."""
     scores, order = tf.math.top_k(tf.where(counts, found.area, 0.0), MAX_LEAVES)
     return Found(*(tf.gather(part, order) for part in found)), scores > 0
+
+
+def place_nodes(size: tf.Tensor) -> tf.Tensor:
+    """Return points [GRID_NODES, GRID_NODES, 2] (x, y) at equal distances over a photo of `size` [2]."""
+    steps = tf.constant(np.linspace(0, 1, GRID_NODES), tf.float32)
+    columns, rows = tf.meshgrid(steps * size[1], steps * size[0])
+    return tf.stack([columns, rows], -1)
 
 
 def px_per_mm_to_sheet(px_per_mm: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
