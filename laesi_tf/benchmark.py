@@ -23,7 +23,6 @@ from laesi_tf.common.hardware import describe_hardware, format_hardware
 from laesi_tf.common.parsing import image_size, non_negative_int, positive_float, positive_int
 from laesi_tf.data.manifest import read_manifest
 from laesi_tf.data.photo_search import find_photos
-from laesi_tf.inpainting.donor_leaves import find_donor_photos
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -288,6 +287,8 @@ def benchmark_filter(arguments: Sequence[str]) -> None:
     parser.add_argument("--textures-split", metavar="NAME", help="split of the manifest of --textures")
     options = parser.parse_args(arguments)
     if options.textures is not None:
+        from laesi_tf.inpainting.donor_leaves import find_donor_photos
+
         find_donor_photos(options.textures, split=options.textures_split)
     load_tensorflow()
     from laesi_tf.benchmarks import filter_faults

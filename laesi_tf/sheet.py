@@ -27,7 +27,12 @@ def main(arguments: Sequence[str]) -> None:
     if options.out.suffix.lower() != _SUFFIX:
         raise InputError(f"{options.out} is no name of a PDF; end it in {_SUFFIX}")
     require_writable(options.out)
-    from laesi_tf.exporting.printed_sheet import PAPERS, draw_sheet
+    try:
+        from laesi_tf.exporting.printed_sheet import PAPERS, draw_sheet
+    except ImportError:
+        raise InputError(
+            "a sheet is drawn by Matplotlib, which is not installed; run pip install 'laesi_tf[train]'"
+        ) from None
 
     write_bytes(options.out, draw_sheet(PAPERS[options.paper]))
     print(f"written: {options.out}; print it at 100 % and check the bar of 100 mm with a ruler")

@@ -28,11 +28,11 @@ def test_scenes_of_a_seed_stay_the_same() -> None:
 
 @pytest.fixture(scope="module")
 def measured() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """True areas, areas by ruling x silhouette and by regression, [60] each, NaN where refused."""
+    """True areas, areas by ruling x silhouette and by regression, [30] each, NaN where refused."""
     ruling, regression = load_estimator(), load_estimator(PRETRAINED / "area")
     rows = []
     for scene in synthetic_samples(
-        seed=60, size=(640, 640), ranges="rendering_2", count=60
+        seed=60, size=(640, 640), ranges="rendering_2", count=30
     ).as_numpy_iterator():
         areas = (estimator.measure(scene["image"]).area_cm2 for estimator in (ruling, regression))
         rows.append([scene["area_cm2"], *(np.nan if area is None else area for area in areas)])
@@ -40,16 +40,16 @@ def measured() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return true, by_ruling, by_regression
 
 
-def test_shipped_networks_by_ruling_on_60_fresh_scenes(
+def test_shipped_networks_by_ruling_on_30_fresh_scenes(
     measured: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     true, areas, _ = measured
     errors = relative_errors(areas, true)
-    assert np.isfinite(errors).sum() >= 58
+    assert np.isfinite(errors).sum() >= 28
     assert np.nanmedian(errors) <= 0.75 and np.nanpercentile(errors, 90) <= 1.2
 
 
-def test_shipped_area_network_on_60_fresh_scenes(
+def test_shipped_area_network_on_30_fresh_scenes(
     measured: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
     true, _, areas = measured

@@ -49,7 +49,7 @@ def test_the_sample_is_measured(tmp_path: Path) -> None:
     assert "INFO" not in done.stderr and "WARNING" not in done.stderr
     (leaf,) = json.loads(figures.read_text(encoding="utf-8"))
     assert leaf["area_cm2"] == pytest.approx(SAMPLE_CM2, abs=0.005)
-    assert (tmp_path / "predictions" / "leaf.overlay.png").stat().st_size > 10_000
+    assert (tmp_path / "predictions" / "leaf.overlay.jpg").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("options", [("--guess",), ("--px-per-mm", 8), ("--model", "rule_based")], ids=str)
@@ -83,6 +83,9 @@ COMMANDS = {
     "export": ("--out", "phone"),
     "similarity": (ROOT / "docs", ROOT / "docs"),
     "benchmark": ("synthesis",),
+    "stress": (),
+    "sheet": ("--out", "sheet.pdf"),
+    "web": ("--out", "page"),
 }
 
 

@@ -11,7 +11,6 @@ from functools import cached_property
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from laesi_tf.common.arrays import Mask, Points
 from laesi_tf.common.geometry import pixel_centres
@@ -132,6 +131,9 @@ def _measure_profile(blade: Points, origin: Points, axis: Points, length: float)
     known = np.isfinite(left)
     stations = np.arange(_STATIONS)
     left, right = (np.interp(stations, stations[known], side[known]) for side in (left, right))
-    centre = gaussian_filter1d((left + right) / 2, _SMOOTHING, mode="nearest")
-    half_width = gaussian_filter1d((right - left) / 2 + 0.5, _SMOOTHING, mode="nearest")
+    profile = np.stack([(left + right) / 2, (right - left) / 2 + 0.5])
+    smooth = cv2.GaussianBlur(
+        profile, (0, 0), sigmaX=_SMOOTHING, sigmaY=1e-3, borderType=cv2.BORDER_REPLICATE
+    )
+    centre, half_width = smooth
     return centre, np.maximum(half_width, _MIN_WIDTH * half_width.max())
