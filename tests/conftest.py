@@ -34,30 +34,23 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.setdefault("TF_XLA_FLAGS", f"--tf_xla_persistent_cache_directory={cache}")
     os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    # Compiling the map of similarities takes longer than drawing it once.
+    os.environ.setdefault("NUMBA_DISABLE_JIT", "1")
     # For the workers, which start later: threads that share their heaps give memory back sooner.
     os.environ.setdefault("MALLOC_ARENA_MAX", "2")
 
 
-_TOGETHER = (
-    "test_documentation",
-    "test_estimators",
-    "test_evaluate",
-    "test_golden",
-    "test_litert_estimator",
-    "test_predict",
-    "test_printed_sheet",
-    "test_ruling_estimator",
-    "test_sensitivity",
-    "test_sheet_reader",
-    "test_web_browser",
-)
-"""Files that read rulings, or measure with the LiteRT file: one worker runs them all, since tracing the
-reader takes over 10 s of CPU and converting it a minute."""
+_TOGETHER = {
+    **dict.fromkeys(("test_litert_estimator", "test_web_browser"), "converted"),
+    **dict.fromkeys(("test_sensitivity", "test_sheet_reader", "test_shipped_networks"), "traced"),
+}
+"""Files that one worker runs one after the other, by the name of their group: converting the measurement to a
+LiteRT file takes a minute, tracing the reader of rulings in TensorFlow over 10 s."""
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give each file, and all files of `_TOGETHER`, to one worker, so that tests share what they compile."""
+    """Give each file, and the files of a group, to one worker, so that tests share what they compile."""
     if config.getvalue("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
@@ -65,7 +58,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class FilesTogether(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file: str = super()._split_scope(nodeid)
-            return "ruling" if Path(file).stem in _TOGETHER else file
+            return _TOGETHER.get(Path(file).stem, file)
 
     return FilesTogether(config, log)
 
