@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.presets import PRESETS
 from laesi_tf.common.run_files import BEST_MODEL_FILE, LITERT_SUFFIX, METRICS_FILE, PRETRAINED
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.factory import WITHOUT_RUN, load_estimator
-from laesi_tf.estimators.reduced_photo import ReducedPhoto
 
 SHIPPED = "ruling x silhouette"
 """Name of the method that `predict` measures with."""
-WORKING_SIDES_PX = (640, 1024)
-"""Longer sides of the photo at which the shipped method is compared beside its own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +31,7 @@ class Method:
 
     def load(self) -> Estimator:
         """Load the estimator. Raises InputError."""
-        estimator = load_estimator(**self.options)
-        return estimator if self.working_px is None else ReducedPhoto(estimator, self.working_px)
+        return load_estimator(**self.options, working_px=self.working_px)
 
     @property
     def needs_scale(self) -> bool:
@@ -63,7 +60,8 @@ def list_methods(models: Sequence[Path] = ()) -> list[Method]:
     area, mask, ruling = (str(PRETRAINED / task) for task in ("area", "mask", "ruling"))
     shipped = [
         Method(name=f"{SHIPPED}, {side} px", working_px=side, models=(mask, ruling))
-        for side in WORKING_SIDES_PX
+        for side in PRESETS.values()
+        if side is not None
     ]
     methods = [
         *(Method(name=name, options={"run": name}) for name in WITHOUT_RUN),
