@@ -47,16 +47,32 @@ def main(arguments: Sequence[str]) -> None:
     load_tensorflow()
     from laesi_tf.benchmarks import ablation
     from laesi_tf.benchmarks.component_cost import measure_component_cost
+    from laesi_tf.benchmarks.timing import MedianIqr
     from laesi_tf.reporting.ablation_chart import plot_ablation
     from laesi_tf.synthesis import load_ranges
     from laesi_tf.synthesis.presets import enable_all_components
+    from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
     variants = ablation.list_variants(options.ranges, options.components)
-    runner = ablation.AblationRunner(out=options.out, config=TrainConfig(**recipe), sets=sets)
-    runner.save_settings(recipe | {"ranges": options.ranges, "sets": {n: len(p) for n, p in sets.items()}})
-    complete = enable_all_components(load_ranges(options.ranges)).with_passes(1)
-    costs = measure_component_cost(complete, repeats=_COST_REPEATS, seed=0, size=options.size)
-    rows = ablation.run_ablation(runner, options.tasks, variants, range(options.seeds), costs)
+    tasks = list(dict.fromkeys(options.tasks))
+    ablation.require_labels(tasks, sets)
+    base = load_ranges(options.ranges)
+    settings = recipe | {
+        "ranges": ranges_to_toml(base),
+        "sets": {name: ablation.digest_photos(photos) for name, photos in sets.items()},
+    }
+    runner = ablation.AblationRunner(
+        out=options.out, config=TrainConfig(**recipe), sets=sets, settings=settings
+    )
+    runner.check_settings()
+    complete = enable_all_components(base).with_passes(1)
+
+    def measure_costs() -> dict[str, MedianIqr]:
+        scene = {"seed": 0, "size": options.size}
+        return measure_component_cost(complete, repeats=_COST_REPEATS, components=options.components, **scene)
+
+    print(f"{len(tasks) * len(variants) * options.seeds} networks")
+    rows = ablation.run_ablation(runner, tasks, variants, range(options.seeds), measure_costs)
     write_csv(table, ablation.COLUMNS, ([row[name] for name in ablation.COLUMNS] for row in rows))
     write_figure(chart, plot_ablation(rows), dpi=130)
     if options.json is not None:

@@ -27,7 +27,8 @@ _EXAMPLES = 12
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError."""
     options = _make_parser().parse_args(arguments)
-    out = options.out or options.dataset.with_name(f"{options.dataset.resolve().name}-filtered")
+    dataset = options.dataset.resolve()
+    out = options.out or dataset.with_name(f"{dataset.name}-filtered")
     read_spec(options.dataset)
     require_writable(out / "histogram.png")
     load_tensorflow()

@@ -18,11 +18,14 @@ from laesi_tf.cli.comparison_arguments import (
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
+from laesi_tf.common.errors import InputError
 from laesi_tf.common.hardware import describe_hardware, format_hardware
 from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
 from laesi_tf.data.manifest import read_manifest
 
 _TRIALS_FILE = "stress.trials"
+_SCENES = "calm scenes"
+"""Name of the set of scenes."""
 _FAILURES = 24
 
 
@@ -32,6 +35,8 @@ def main(arguments: Sequence[str]) -> None:
     sets = {
         name: read_manifest(path, split=split) for name, (path, split) in parse_photo_sets(options).items()
     }
+    if _SCENES in sets:
+        raise InputError(f"a set is called {_SCENES!r}, as the synthetic ones are; rename its folder")
     table, page = options.out / "stress.csv", options.out / "stress.html"
     for path in (table, page):
         require_writable(path)
@@ -43,12 +48,15 @@ def main(arguments: Sequence[str]) -> None:
     methods = select_methods(list_methods(options.models), options.methods)
     chosen = nuisances.select_nuisances(options.nuisances)
     pictures: dict[str, sources.Source] = {
-        "scenes": sources.SceneSource(options.pictures, seed=options.seed, size=options.size)
+        _SCENES: sources.SceneSource(options.pictures, seed=options.seed, size=options.size)
     }
     for name, photos in sets.items():
         pictures[name] = sources.PhotoSource(photos, options.pictures, seed=options.seed)
     settings = {"pictures": options.pictures, "seed": options.seed, "size": list(options.size)}
-    file = trials.TrialFile(options.out / _TRIALS_FILE, settings)
+    digests = {name: source.digest for name, source in pictures.items()}
+    digests |= {method.name: method.digest for method in methods}
+    digests |= {nuisance.name: nuisance.digest for nuisance in chosen}
+    file = trials.TrialFile(options.out / _TRIALS_FILE, settings, digests)
     # The shipped method comes first in the report.
     ordered = sorted(methods, key=lambda method: method.name != SHIPPED)
     estimators = {method.name: method.load() for method in ordered}

@@ -13,7 +13,7 @@ from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow, suppress_stderr
 from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.network import parse_port
+from laesi_tf.common.network import parse_port_or_any
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str]) -> None:
     )
     parser.add_argument("--serve", action="store_true", help="show the page on this machine until Ctrl-C")
     parser.add_argument(
-        "--port", type=parse_port, default=8080, metavar="N", help="port of --serve, 0 for a free one"
+        "--port", type=parse_port_or_any, default=8080, metavar="N", help="port of --serve, 0 for a free one"
     )
     parser.add_argument(
         "--fetch-runtime",

@@ -52,8 +52,10 @@ def test_two_devices_render_the_same_batches(tmp_path: Path) -> None:
 
 def test_without_an_accelerator_the_pipeline_renders() -> None:
     assert find_synthesis_device(AUTO) is None and find_synthesis_device(CPU) is None
-    with pytest.raises(InputError, match="no device 'gpu:7'"):
-        find_synthesis_device("gpu:7")
+    for name in ("gpu:7", "0"):
+        with pytest.raises(InputError, match=f"no device '{name}'"):
+            find_synthesis_device(name)
+    assert find_synthesis_device("CPU:0") == "/device:CPU:0"
 
 
 def test_what_a_device_cannot_render_is_refused() -> None:

@@ -8,14 +8,16 @@ import pytest
 from green import disk, photo
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from photo_sets import make_photo_set
 
 from laesi_tf import stress
 from laesi_tf.benchmarks.stress import photo_filters, summary
 from laesi_tf.benchmarks.stress.nuisances import NUISANCES, select_nuisances
-from laesi_tf.benchmarks.stress.sources import SceneSource
+from laesi_tf.benchmarks.stress.sources import PhotoSource, SceneSource
 from laesi_tf.benchmarks.stress.stress_photo import StressPhoto
 from laesi_tf.benchmarks.stress.trials import Trial, TrialFile
 from laesi_tf.common.errors import InputError
+from laesi_tf.data.manifest import read_manifest
 
 LEAF = StressPhoto(image=photo(300, 400), mask=disk(300, 400), area_cm2=25.0, px_per_mm=3.0)
 ON_PHOTOS = [nuisance for nuisance in NUISANCES if nuisance.of_photo is not None]
@@ -57,6 +59,7 @@ def test_unknown_numbers_of_a_scene_are_errors(scenes: SceneSource) -> None:
         scenes._scenes.render(0, {"camera.zoom": 1})
     with pytest.raises(InputError, match="there are tilt, roll"):
         select_nuisances(["earthquake"])
+    assert len(select_nuisances(["tilt", "tilt"])) == 1
 
 
 @pytest.mark.parametrize("nuisance", ON_PHOTOS, ids=lambda nuisance: nuisance.name)
@@ -139,13 +142,20 @@ def test_setting_aside_the_least_certain_lowers_the_risk() -> None:
 
 def test_trials_continue_and_other_settings_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "new" / "trials"
-    first = TrialFile(path, {"seed": 1})
+    first = TrialFile(path, {"seed": 1}, {"m": "a"})
     first.add([trial(0, 10.0), trial(1, None)])
     with path.open("a") as file:
         file.write('{"nuisance": "ti')  # killed while it wrote
-    assert TrialFile(path, {"seed": 1}).trials == first.trials
+    assert TrialFile(path, {"seed": 1}, {"m": "a", "n": "b"}).trials == first.trials
     with pytest.raises(InputError, match="other settings"):
-        TrialFile(path, {"seed": 2})
+        TrialFile(path, {"seed": 2}, {})
+    with pytest.raises(InputError, match="another 'n'"):
+        TrialFile(path, {"seed": 1}, {"n": "c"})
+    path.write_bytes(b"")
+    assert TrialFile(path, {"seed": 2}, {}).trials == {}
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match="no file of trials"):
+        TrialFile(path, {"seed": 2}, {})
 
 
 def test_command_writes_table_and_page_and_continues(
@@ -163,5 +173,16 @@ def test_command_writes_table_and_page_and_continues(
     page = (out / "stress.html").read_text()
     assert page.count("data:image/png;base64") == 2 and "http" not in page
     lines = (out / "stress.trials").read_bytes()
+    assert lines.endswith(b"}\n")
     stress.main(arguments)
     assert (out / "stress.trials").read_bytes() == lines
+
+
+def test_photos_without_masks_are_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    write_manifest = make_photo_set(tmp_path)
+    manifest = write_manifest("image,area_cm2,px_per_mm\na.png,0.181,5\n")
+    with pytest.raises(InputError, match=r"a\.png needs a mask"):
+        PhotoSource(read_manifest(manifest), 3, seed=0)
+    manifest = write_manifest("image,mask,area_cm2,px_per_mm\na.png,masks/a.png,0.181,5\n")
+    source = PhotoSource(read_manifest(manifest), 3, seed=0)
+    assert source.count == 1 and source.digest != SceneSource(1, seed=0, size=(96, 96)).digest

@@ -99,7 +99,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("runtime")
 def test_another_page_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "index.html").write_text("mine")
-    with pytest.raises(InputError, match="another web page"):
+    with pytest.raises(InputError, match="holds other files"):
         web.main(["--out", str(tmp_path)])
     assert (tmp_path / "index.html").read_text() == "mine"
 

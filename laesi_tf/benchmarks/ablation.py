@@ -6,6 +6,7 @@ where components are meant to help, with all else as in `evaluate`.
 """
 
 import dataclasses
+import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -84,7 +85,7 @@ def list_variants(ranges: str, components: Sequence[str] = ()) -> list[Variant]:
         return dataclasses.replace(base, without=base.without | set(names))
 
     variants = [Variant(ALL, "", base), Variant(BARE, "", leave_out(known))]
-    for name in components or known:
+    for name in dict.fromkeys(components) or known:
         variants.append(Variant(name, "without", leave_out([name])))
         variants.append(Variant(name, "only", leave_out([one for one in known if one != name])))
     return variants
@@ -99,12 +100,13 @@ class AblationRunner:
     """The recipe; task, seed and ranges are replaced."""
     sets: Mapping[str, Sequence[Photo]]
 
-    def save_settings(self, settings: Mapping[str, Any]) -> None:
-        """Save the settings. Raises InputError if `out` was begun with others."""
+    settings: Mapping[str, Any]
+    """What all of its results depend on."""
+
+    def check_settings(self) -> None:
+        """Raise InputError if `out` holds results of other settings."""
         path = self.out / _SETTINGS_FILE
-        if not path.is_file():
-            write_json(path, settings)
-        elif read_json(path) != json.loads(json.dumps(settings)):
+        if path.is_file() and read_json(path) != json.loads(json.dumps(self.settings)):
             raise InputError(f"{self.out} holds an ablation with other settings; name another --out")
 
     def run(self, task: str, variant: Variant, seed: int) -> Mapping[str, Mapping[str, float | None]]:
@@ -116,6 +118,8 @@ class AblationRunner:
             write_text(scene, ranges_to_toml(variant.ranges))
             config = dataclasses.replace(self.config, task=task, seed=seed, ranges=str(scene.resolve()))
             fit(config, folder, show_progress=False)
+            # Not earlier: a wrong setting must not make the folder useless.
+            write_json(self.out / _SETTINGS_FILE, self.settings)
             estimator = _ESTIMATORS[task](folder)
             write_json(scores, {name: summarise(score_photos(estimator, p)) for name, p in self.sets.items()})
             # Dozens of networks with their graphs would fill the memory.
@@ -124,18 +128,42 @@ class AblationRunner:
         return found
 
 
+def digest_photos(photos: Sequence[Photo]) -> str:
+    """Return 16 letters that change with the photos, their masks and their labels."""
+    digest = hashlib.sha256()
+    for photo in photos:
+        digest.update(repr((photo.seen_cm2, photo.px_per_mm, photo.grid_mm)).encode())
+        for path in (photo.image, photo.mask):
+            if path is not None and path.is_file():
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def require_labels(tasks: Sequence[str], sets: Mapping[str, Sequence[Photo]]) -> None:
+    """Raise InputError for photos that say nothing about a network of one of `tasks`."""
+    for photo in (photo for photos in sets.values() for photo in photos):
+        if "mask" in tasks and (photo.mask is None or photo.px_per_mm is None):
+            raise InputError(f"photo {photo.name} needs a mask and px_per_mm for task mask")
+        if "ruling" in tasks and photo.px_per_mm is None:
+            raise InputError(f"photo {photo.name} needs px_per_mm for task ruling")
+
+
 def run_ablation(
     runner: AblationRunner,
     tasks: Sequence[str],
     variants: Sequence[Variant],
     seeds: Sequence[int],
-    costs: Mapping[str, MedianIqr],
+    measure_costs: Callable[[], Mapping[str, MedianIqr]],
 ) -> list[Row]:
-    """Train and measure all of it, seed by seed, and return the rows. `costs` are in microseconds."""
+    """Train and measure all of it, seed by seed, and return the rows.
+
+    `measure_costs` measures the components, in microseconds, once all networks are there.
+    """
     jobs = [(task, variant, seed) for seed in seeds for task in tasks for variant in variants]
     scores: dict[tuple[str, str], list[Any]] = defaultdict(list)
     for task, variant, seed in progress_bar(jobs, desc="networks", unit="network"):
         scores[task, variant.folder].append(runner.run(task, variant, seed))
+    costs = measure_costs()
     return [row for task in tasks for row in _compare(task, variants, scores, runner.sets, costs)]
 
 

@@ -15,15 +15,22 @@ from laesi_tf.synthesis import COMPONENTS, Ranges, synthesise
 
 
 def measure_component_cost(
-    ranges: Ranges, *, repeats: int, seed: int, size: tuple[int, int], images: int = 48
+    ranges: Ranges,
+    *,
+    repeats: int,
+    seed: int,
+    size: tuple[int, int],
+    images: int = 48,
+    components: Sequence[str] = (),
 ) -> dict[str, MedianIqr]:
     """Measure the CPU microseconds per image of each component: all components less all but this one.
 
-    `ranges` has all components in every image. The time is that of all threads of this process, so other
-    processes matter little. Each image is rendered in all ways in succession, since the differences are
-    smaller than a processor's drift within a second. One repeat is the median of `images`.
+    `ranges` has all components in every image; with `components`, only these are measured. The time is that
+    of all threads of this process, so other processes matter little. Each image is rendered in all ways in
+    succession, since the differences are smaller than a processor's drift within a second. One repeat is the
+    median of `images`.
     """
-    names = [name for name in COMPONENTS if ranges.has(name)]
+    names = [name for name in COMPONENTS if ranges.has(name) and (not components or name in components)]
     reduced = [dataclasses.replace(ranges, without=ranges.without | {name}) for name in names]
     renderers = [
         trace_renderer(variant, seed=seed, size=size)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from laesi_tf.common.atomic_files import short_sha256
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.presets import PRESETS
 from laesi_tf.common.run_files import BEST_MODEL_FILE, LITERT_SUFFIX, METRICS_FILE, PRETRAINED
@@ -33,15 +34,16 @@ class Method:
         """Load the estimator. Raises InputError."""
         return load_estimator(**self.options, working_px=self.working_px)
 
-    @property
-    def needs_scale(self) -> bool:
-        """Whether it measures only photos whose scale is given."""
-        return bool(self.options.get("has_known_scale")) or self.options.get("run") in WITHOUT_RUN
+    @functools.cached_property
+    def digest(self) -> str:
+        """What changes with its models."""
+        files = sorted(file for model in self.models for file in _list_files(Path(model)))
+        return " ".join(map(short_sha256, files))
 
     @functools.cached_property
     def model_bytes(self) -> int:
         """Size of its models."""
-        return sum(_count_bytes(Path(model)) for model in self.models)
+        return sum(file.stat().st_size for model in self.models for file in _list_files(Path(model)))
 
     @functools.cached_property
     def training_minutes(self) -> float | None:
@@ -85,15 +87,15 @@ def select_methods(methods: Sequence[Method], names: Sequence[str]) -> list[Meth
     """Return the methods of these names, all without any. Raises InputError."""
     known = {method.name: method for method in methods}
     if unknown := [name for name in names if name not in known]:
-        raise InputError(f"no method is called {unknown[0]!r}; there are {', '.join(known)}")
-    return [known[name] for name in names] or list(methods)
+        raise InputError(f"no method is called {unknown[0]!r}; there are {', '.join(map(repr, known))}")
+    return [known[name] for name in dict.fromkeys(names)] or list(methods)
 
 
-def _count_bytes(model: Path) -> int:
+def _list_files(model: Path) -> list[Path]:
+    """Return the files that are loaded of a run or an exported file."""
     if model.is_file():
-        return model.stat().st_size
-    graphs = list(model.glob(f"*{LITERT_SUFFIX}"))
-    return sum(file.stat().st_size for file in graphs or model.glob(BEST_MODEL_FILE))
+        return [model]
+    return list(model.glob(f"*{LITERT_SUFFIX}")) or list(model.glob(BEST_MODEL_FILE))
 
 
 def _read_minutes(model: Path) -> float | None:

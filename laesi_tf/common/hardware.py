@@ -4,6 +4,7 @@ import datetime
 import math
 import os
 import platform
+import re
 import sys
 from collections.abc import Mapping
 from importlib import metadata
@@ -35,6 +36,13 @@ def format_hardware(hardware: Mapping[str, Any]) -> str:
 
 def peak_rss_mb() -> float:
     """Return the peak resident memory of this process in MB (10^6 bytes); NaN where it is not recorded."""
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+    except OSError:
+        status = ""
+    # What `getrusage` says of a process contains that of its parent, from before it became this program.
+    if found := re.search(r"^VmHWM:\s*(\d+) kB$", status, re.MULTILINE):
+        return int(found[1]) * 1024 / 1e6
     if resource is None:
         return math.nan
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -17,6 +17,11 @@ def parse_port(text: str) -> int:
     return int(text)
 
 
+def parse_port_or_any(text: str) -> int:
+    """Parse a port number, or 0 for any free port; a `type` for argparse."""
+    return 0 if text == "0" else parse_port(text)
+
+
 def parse_address(address: str) -> tuple[str, int]:
     """Split HOST:PORT. Raises InputError."""
     host, _, port = address.rpartition(":")

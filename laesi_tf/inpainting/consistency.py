@@ -16,8 +16,6 @@ from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.estimators.keras_networks import load_run_of
 from laesi_tf.models.inference import compile_inference
 
-MAX_DEVIATION = 0.15
-"""The paper's limit."""
 _PROBABILITY = 0.5
 
 

@@ -48,7 +48,7 @@ def plot_ablation(rows: Sequence[Row]) -> Figure:
 
 def _plot_component(axes: Any, row: Row) -> None:
     cost = max(row["us"] or _LEAST_US, _LEAST_US)
-    is_sure = row["low"] is not None and (row["low"] > 0) == (row["high"] > 0)
+    is_sure = row["low"] is not None and (row["low"] > 0 or row["high"] < 0)
     error = None
     if row["low"] is not None:
         error = [[row["difference"] - row["low"]], [row["high"] - row["difference"]]]

@@ -26,7 +26,7 @@ body { font: 16px/1.5 system-ui, sans-serif; color: #223; background: #fff; max-
 h1, h2 { font-weight: 600 } h2 { margin-top: 2.5rem }
 table { border-collapse: collapse; font-size: .9rem } .wide { overflow-x: auto }
 td, th { padding: .15rem 1rem .15rem 0; text-align: left; font-variant-numeric: tabular-nums }
-tr + tr { border-top: 1px solid #e4e6ea } .bad { color: #a11b1b; font-weight: 600 } .dim { color: #566 }
+tr + tr { border-top: 1px solid #e4e6ea } .dim { color: #566 }
 img { max-width: 100%; height: auto }
 .photos { display: grid; grid-template-columns: repeat(auto-fill, minmax(14rem, 1fr)); gap: 1rem }
 figure { margin: 0 } figcaption { font-size: .85rem }

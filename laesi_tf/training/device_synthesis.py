@@ -29,7 +29,7 @@ def find_synthesis_device(name: str) -> str | None:
     found = [device.name for device in tf.config.list_logical_devices()]
     if name == AUTO:
         return next((device for device in found if ":GPU:" in device or ":TPU:" in device), None)
-    matching = [device for device in found if device.lower().endswith(f":{name.lower()}")]
+    matching = [device for device in found if device.lower().removeprefix("/device:") == name.lower()]
     if not matching:
         raise InputError(f"there is no device {name!r}; there are auto, cpu, {', '.join(found)}")
     return matching[0]

@@ -28,6 +28,11 @@ class Nuisance:
     of_photo: Filter | None = None
     """Without it, photographs are left out."""
 
+    @property
+    def digest(self) -> str:
+        """What changes with its severities."""
+        return f"{self.severities} {self.labels}"
+
     def label(self, step: int) -> str:
         """Return what severity number `step` is called."""
         return self.labels[step] if self.labels else f"{self.severities[step]:g}"
@@ -42,17 +47,6 @@ _FAMILIES: tuple[tuple[str, Numbers], ...] = (
     ("1 mm faint", {"paper.strength_1mm": 0.12}),
     ("1 mm drowned", {"paper.strength_1mm": 0.02}),
     ("one way faint", {"paper.balance": 0.2}),
-)
-_RULINGS = (
-    "millimetre",
-    "mm_1_2_10",
-    "mm_2_10",
-    "mm_4",
-    "mm_5",
-    "quarter_inch",
-    "tenth_inch",
-    "lines",
-    "plain",
 )
 
 
@@ -239,4 +233,4 @@ def select_nuisances(names: Sequence[str]) -> list[Nuisance]:
     known = {nuisance.name: nuisance for nuisance in NUISANCES}
     if unknown := [name for name in names if name not in known]:
         raise InputError(f"no nuisance is called {unknown[0]!r}; there are {', '.join(known)}")
-    return [known[name] for name in names] or list(NUISANCES)
+    return [known[name] for name in dict.fromkeys(names)] or list(NUISANCES)

@@ -1,6 +1,6 @@
 """Where pictures come from: calm scenes, or photographs with masks."""
 
-import functools
+import hashlib
 import zlib
 from collections.abc import Sequence
 from typing import Protocol
@@ -13,6 +13,7 @@ from laesi_tf.benchmarks.stress.stress_photo import StressPhoto
 from laesi_tf.common.errors import InputError
 from laesi_tf.data.manifest import Photo
 from laesi_tf.evaluation.photo_scores import load_photo_and_mask
+from laesi_tf.synthesis import SYNTHESIS_VERSION
 from laesi_tf.synthesis.geometry import ImageSize
 
 
@@ -21,6 +22,8 @@ class Source(Protocol):
 
     count: int
     """Number of pictures."""
+    digest: str
+    """The same for the same pictures."""
 
     def has(self, nuisance: Nuisance) -> bool:
         """Return whether `nuisance` can be laid over these pictures."""
@@ -37,6 +40,7 @@ class SceneSource:
     def __init__(self, count: int, *, seed: int, size: ImageSize) -> None:
         """Take the number of scenes, their seed and their (height, width)."""
         self.count, self._seed = count, seed
+        self.digest = f"synthesis {SYNTHESIS_VERSION}"
         self._scenes = CalmScenes(seed=seed, size=size)
 
     def has(self, nuisance: Nuisance) -> bool:
@@ -57,13 +61,18 @@ class PhotoSource:
     """Photographs of one leaf each, with masks."""
 
     def __init__(self, photos: Sequence[Photo], count: int, *, seed: int) -> None:
-        """Take `count` photos, spread over `photos`. Raises InputError for one without mask or scale."""
+        """Take `count` photos, spread over `photos`, and load them.
+
+        Raises InputError for one without mask or scale, and for one that cannot be read.
+        """
         spread = np.linspace(0, len(photos) - 1, min(count, len(photos))).astype(int)
-        self._photos = [photos[index] for index in spread]
-        for photo in self._photos:
-            if photo.mask is None or photo.px_per_mm is None:
-                raise InputError(f"photo {photo.name} needs a mask and px_per_mm in its manifest")
+        self._photos = [_load(photos[index]) for index in spread]
         self.count, self._seed = len(self._photos), seed
+        digest = hashlib.sha256()
+        for photo in self._photos:
+            digest.update(photo.image.tobytes() + photo.mask.tobytes())
+            digest.update(repr((photo.area_cm2, photo.px_per_mm, photo.grid_mm)).encode())
+        self.digest = digest.hexdigest()[:16]
 
     def has(self, nuisance: Nuisance) -> bool:
         """Return whether `nuisance` can be laid over a photo."""
@@ -71,17 +80,19 @@ class PhotoSource:
 
     def make(self, picture: int, nuisance: Nuisance, step: int) -> StressPhoto:
         """Make a picture as `Source.make`."""
-        photo = self._load(picture)
+        photo = self._photos[picture]
         return _lay_over(photo, nuisance, step, [self._seed, picture]) if step else photo
 
-    @functools.lru_cache(maxsize=64)  # noqa: B019  (a source lives as long as its command)
-    def _load(self, picture: int) -> StressPhoto:
-        photo = self._photos[picture]
-        image, mask = load_photo_and_mask(photo)
-        assert mask is not None and photo.px_per_mm is not None
-        return StressPhoto(
-            image=image, mask=mask, area_cm2=photo.seen_cm2, px_per_mm=photo.px_per_mm, grid_mm=photo.grid_mm
-        )
+
+def _load(photo: Photo) -> StressPhoto:
+    if photo.mask is None or photo.px_per_mm is None:
+        raise InputError(f"photo {photo.name} needs a mask and px_per_mm in its manifest")
+    image, mask = load_photo_and_mask(photo)
+    if mask is None or not mask.any():
+        raise InputError(f"the mask of photo {photo.name} is empty; leave the photo out")
+    return StressPhoto(
+        image=image, mask=mask, area_cm2=photo.seen_cm2, px_per_mm=photo.px_per_mm, grid_mm=photo.grid_mm
+    )
 
 
 def _lay_over(photo: StressPhoto, nuisance: Nuisance, step: int, seeds: Sequence[int]) -> StressPhoto:

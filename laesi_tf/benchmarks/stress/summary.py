@@ -70,7 +70,7 @@ def find_breakdowns(rows: Sequence[Row]) -> list[Row]:
     """Return, for each nuisance, method and set, the first severity that breaks it; None if none does.
 
     A method breaks where its mean relative error passes a limit of BREAKS_AT_PERCENT, or where half of the
-    pictures are refused. `fails` says which of the two comes first.
+    pictures are refused.
     """
     groups: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     for row in rows:
@@ -96,10 +96,15 @@ def measure_risk(trials: Iterable[Trial]) -> dict[str, list[float | None]]:
     """Return by method the MRE in percent that remains with each share of SET_ASIDE set aside.
 
     The least certain areas are those of the largest stated relative uncertainty; methods that state none
-    have no entry.
+    have no entry. A picture without a nuisance belongs to all of them and counts once.
     """
     by_method: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    calm: set[tuple[str, str, int]] = set()
     for trial in trials:
+        key = trial.set, trial.method, trial.picture
+        if not trial.step and key in calm:
+            continue
+        calm |= set() if trial.step else {key}
         if trial.error is not None and trial.uncertainty_cm2 is not None and trial.predicted_cm2:
             by_method[trial.method].append((trial.uncertainty_cm2 / trial.predicted_cm2, abs(trial.error)))
     return {method: _remaining_errors(pairs) for method, pairs in by_method.items()}

@@ -55,29 +55,53 @@ class Trial:
 class TrialFile:
     """The trials of a run, a line each, which a stopped run continues."""
 
-    def __init__(self, path: Path, settings: Mapping[str, Any]) -> None:
-        """Open or begin a file. Raises InputError if it was begun with other settings."""
+    def __init__(self, path: Path, settings: Mapping[str, Any], digests: Mapping[str, str]) -> None:
+        """Open or begin a file.
+
+        `digests` are those of what sets and methods stand for, by name; further ones may be added later.
+        Raises InputError if the file was begun with other settings, or with something else of the same name.
+        """
         self._path = path
         self.trials: dict[tuple[str, int, str, str, int], Trial] = {}
         first = json.dumps(settings, sort_keys=True)
-        if not path.exists():
+        begun, *lines = _read_lines(path) or [""]
+        if not begun:
             write_text(path, f"{first}\n")
-            return
-        begun, *lines = path.read_text(encoding="utf-8").splitlines()
-        if begun != first:
+        elif begun != first:
             raise InputError(f"{path} was begun with other settings ({begun}); name another --out")
+        known: dict[str, str] = {}
         for line in lines:
             try:
-                trial = Trial(**json.loads(line))
+                values = json.loads(line)
+                if "digest" in values:
+                    known[values["name"]] = values["digest"]
+                    continue
+                trial = Trial(**values)
             except (ValueError, TypeError):  # the last line of a run that was killed
                 continue
             self.trials[trial.key] = trial
+        if changed := [name for name, digest in digests.items() if known.get(name, digest) != digest]:
+            raise InputError(f"{path} holds results of another {changed[0]!r}; name another --out")
+        new = [{"name": name, "digest": value} for name, value in digests.items() if name not in known]
+        # A run that was killed may have left half a line.
+        end = "" if path.read_bytes().endswith(b"\n") else "\n"
+        append_bytes(path, (end + "".join(f"{json.dumps(one)}\n" for one in new)).encode())
 
     def add(self, trials: Sequence[Trial]) -> None:
         """Add trials. Raises InputError where they cannot be written."""
         lines = "".join(f"{json.dumps(dataclasses.asdict(trial))}\n" for trial in trials)
         append_bytes(self._path, lines.encode())
         self.trials |= {trial.key: trial for trial in trials}
+
+
+def _read_lines(path: Path) -> list[str]:
+    """Return the lines of a file; none where there is no file yet. Raises InputError."""
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        return []
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is no file of trials ({error}); name another --out") from None
 
 
 def run_trials(
@@ -107,7 +131,7 @@ def run_trials(
 
 
 def measure_photo(estimator: Estimator, photo: StressPhoto) -> Any:
-    """Measure a picture; its scale is given to methods that need one."""
+    """Measure a picture. Its scale is given; methods that read it from the photo do not use it."""
     return estimator.measure(photo.image, PhotoInfo(px_per_mm=photo.px_per_mm, grid_mm=photo.grid_mm))
 
 

@@ -173,6 +173,10 @@ class JudgeParams:
     """A named distance of lines that prove millimetre paper differs from a millimetre by at most so much."""
     always_finest_mm: float = parameter(3.0, unit="mm", set_on=RENDERED_AND_CASES)
     """Squares of a named distance from this on have no heavier lines that can pass for them."""
+    surely_finest_px: float = parameter(
+        3.3, unit="frame pixels", set_on="rendered (split develop) at a quarter of its pixels, 2026-11-29"
+    )
+    """Lines of which every fifth alone is heavier are not believed below this distance."""
     widest_mm: float = parameter(700.0, unit="mm", set_on=RENDERED_AND_CASES)
     """Photos do not show more of a sheet: A3 with a margin, held at arm's length."""
 

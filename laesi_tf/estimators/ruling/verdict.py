@@ -52,13 +52,16 @@ def decide_refusal(
     is_plain = ~heavier.fifth & ~heavier.tenth
     halves = heavier.second & ~heavier.fourth
     may_exist = tf.stack([halves | ~excluded[1], halves | ~excluded[2]])
-    has_no_finer = finer.factor < 1.5
-    grid = tf.maximum(grid_mm, 1e-3)
-    view_mm = grid * tf.reduce_max(size) * finer.factor / votes.period_px
+    # Lines at half the distance are the fives of tens that were voted for: finer ones may be drowned still.
+    has_no_finer = finer.factor < 2.5
+    grid, period = tf.maximum(grid_mm, 1e-3), find_finest_period(reading)
+    view_mm = grid * tf.reduce_max(size) / period
     # Lines of which only every fifth or every tenth was seen show a wider view than it seems.
     may_be_heavier = tf.reduce_any(may_exist & (np.array(FINER[1:], np.float32) * view_mm < params.widest_mm))
     is_no_sheet = (fit.windows < params.fewest_windows) | (fit.phase_error > params.worst_phase)
     is_uncertain = may_exist[0] & has_no_finer
+    # Beyond what a photo can hold, millimetres of 1-5-10 paper make way for a harmonic of its tens.
+    may_be_harmonic = heavier.fifth & ~heavier.tenth & (period < params.surely_finest_px)
     reasons = [
         (votes.agreeing_cells < params.fewest_cells, Refusal.NO_RULING),
         ((weaker < params.faintest) & (stronger < 5 * params.faintest), Refusal.NO_RULING),
@@ -69,6 +72,8 @@ def decide_refusal(
             Refusal.CONTRADICTED,
         ),
         (~is_millimetre & votes_for_finer(reading, params), Refusal.FINER_VOTED),
+        (may_be_harmonic & ~is_named, Refusal.FINEST_UNCERTAIN),
+        (may_be_harmonic & (grid_mm < params.always_finest_mm), Refusal.NAMED_UNCERTAIN),
         (is_plain & ~is_named & is_uncertain, Refusal.FINEST_UNCERTAIN),
         (is_plain & ~is_named, Refusal.PITCH_UNKNOWN),
         (

@@ -12,6 +12,8 @@ from laesi_tf.exporting.web import litert_js
 
 _ASSETS = Path(__file__).parent / "assets"
 _WORKER = "service_worker.js"
+_FIRST_WORDS = "const VERSION ="
+"""Of the worker that is written."""
 _CACHED_ON_USE = ".wasm", "_internal.js"
 """Ends of names: a browser uses one of the variants of WebAssembly."""
 
@@ -36,9 +38,14 @@ def fetch_runtime() -> None:
 
 
 def require_own_folder(out: Path) -> None:
-    """Raise InputError if `out` holds a page that this module has not written."""
-    if (out / "index.html").exists() and not (out / _WORKER).exists():
-        raise InputError(f"{out} holds another web page, which would be replaced; choose another --out")
+    """Raise InputError if `out` holds anything that this module has not written."""
+    try:
+        is_ours = (out / _WORKER).read_text(encoding="utf-8").startswith(_FIRST_WORDS)
+        is_empty = not any(out.iterdir())
+    except (OSError, UnicodeDecodeError):
+        is_ours, is_empty = False, not out.exists()
+    if not (is_ours or is_empty):
+        raise InputError(f"{out} holds other files, which might be replaced; choose another --out")
 
 
 def write_site(
@@ -67,5 +74,5 @@ def _name_files(worker: str, contents: Mapping[str, bytes]) -> str:
     for name, content in sorted(contents.items()):
         digest.update(name.encode() + hashlib.sha256(content).digest())
     kept = [name for name in contents if not name.endswith(_CACHED_ON_USE)]
-    head = f"const VERSION = {json.dumps(digest.hexdigest()[:16])};\nconst FILES = {json.dumps(kept)};\n"
+    head = f"{_FIRST_WORDS} {json.dumps(digest.hexdigest()[:16])};\nconst FILES = {json.dumps(kept)};\n"
     return head + worker
