@@ -15,7 +15,7 @@ from laesi_tf.cli.comparison_arguments import (
     parse_photo_sets,
 )
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.model_arguments import add_model_arguments, add_preset_argument, model_options, working_px
+from laesi_tf.cli.model_arguments import add_model_arguments, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json, write_text
 from laesi_tf.common.errors import InputError
@@ -89,7 +89,6 @@ def benchmark_photo(arguments: Sequence[str]) -> None:
     """Time how long it takes to decode a photo from its JPEG file and to measure it."""
     parser = make_parser("benchmark photo", benchmark_photo.__doc__)
     add_model_arguments(parser)
-    add_preset_argument(parser)
     _add_scene_arguments(parser, size=(3000, 4000))
     parser.add_argument("--repeats", type=positive_int, default=20, metavar="N", help="number of photos")
     options = parser.parse_args(arguments)
@@ -97,7 +96,7 @@ def benchmark_photo(arguments: Sequence[str]) -> None:
     from laesi_tf.benchmarks.photo_speed import format_table, time_photos
     from laesi_tf.estimators.factory import load_estimator
 
-    estimator = load_estimator(**model_options(options), working_px=working_px(options))
+    estimator = load_estimator(**model_options(options))
     metrics = time_photos(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
     if options.json is not None:
         write_json(options.json, metrics)

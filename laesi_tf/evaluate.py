@@ -15,10 +15,8 @@ from laesi_tf.cli.console import run_command
 from laesi_tf.cli.memory import return_large_blocks
 from laesi_tf.cli.model_arguments import (
     add_model_arguments,
-    add_preset_argument,
     load_tensorflow_if_needed,
     model_options,
-    working_px,
 )
 from laesi_tf.cli.tensorflow_setup import suppress_stderr
 from laesi_tf.common.atomic_files import require_distinct, require_writable, write_csv, write_json
@@ -60,7 +58,7 @@ def main(arguments: Sequence[str]) -> None:
     from laesi_tf.estimators.factory import load_estimator
 
     with suppress_stderr():
-        estimator = load_estimator(**model_options(options), working_px=working_px(options))
+        estimator = load_estimator(**model_options(options))
     scores = score_photos(estimator, photos)
     summaries = {name: summarise(group) for name, group in group_by_subset(scores).items()}
     write_csv(table, _HEADER, map(_make_row, scores))
@@ -77,7 +75,6 @@ def main(arguments: Sequence[str]) -> None:
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("evaluate", __doc__)
     add_model_arguments(parser)
-    add_preset_argument(parser)
     parser.add_argument(
         "--photos", type=Path, required=True, metavar="CSV", help="manifest: image,area_cm2,..."
     )

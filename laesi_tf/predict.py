@@ -14,10 +14,8 @@ from laesi_tf.cli.console import run_command
 from laesi_tf.cli.memory import return_large_blocks
 from laesi_tf.cli.model_arguments import (
     add_model_arguments,
-    add_preset_argument,
     load_tensorflow_if_needed,
     model_options,
-    working_px,
 )
 from laesi_tf.cli.output_arguments import add_output_arguments, overlay_side
 from laesi_tf.cli.scale_arguments import (
@@ -56,7 +54,6 @@ def main(arguments: Sequence[str]) -> None:
         px_per_mm=options.px_per_mm,
         dpi=options.dpi,
         grid_mm=options.grid_mm,
-        working_px=working_px(options),
     )
     with ResultsFolder(
         options.out, settings, csv=options.csv, json_lines=options.jsonl, again=options.again
@@ -97,7 +94,6 @@ def _measure(
         estimator = factory.load_estimator(
             **model_options(options),
             has_known_scale=has_known_scale(options),
-            working_px=working_px(options),
         )
     worker = PhotoWorker(
         estimator=estimator,
@@ -116,7 +112,6 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--recursive", action="store_true", help="measure the photos in all subfolders, too")
     add_model_arguments(parser)
-    add_preset_argument(parser)
     add_scale_arguments(parser)
     add_output_arguments(parser, csv_formats=tuple(CSV_FORMATS))
     parser.add_argument(

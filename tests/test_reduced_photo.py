@@ -1,17 +1,10 @@
 """An estimator that sees a smaller photo reports what it finds in photo pixels."""
 
-import csv
-from pathlib import Path
-
 import numpy as np
 import pytest
 from estimator_conformance import EstimatorConformance
 from green import disk, photo
-from PIL import Image
 
-from laesi_tf import predict
-from laesi_tf.common.errors import InputError
-from laesi_tf.common.presets import PRESETS
 from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
 from laesi_tf.estimators.reduced_photo import ReducedPhoto
@@ -41,29 +34,3 @@ def test_a_small_photo_is_measured_as_it_is() -> None:
         ReducedPhoto(EasyLeafArea(), 400).measure(image, info).area_cm2
         == EasyLeafArea().measure(image, info).area_cm2
     )
-
-
-def test_presets_are_what_the_commands_offer(tmp_path: Path) -> None:
-    Image.fromarray(photo(1200, 1600)).save(tmp_path / "leaf.png")
-    areas = {}
-    for preset in PRESETS:
-        out = tmp_path / preset
-        predict.main(
-            [
-                *(str(tmp_path / "leaf.png"), "--model", "rule_based", "--px-per-mm", "8"),
-                *("--preset", preset, "--out", str(out), "--no-overlay"),
-            ]
-        )
-        with (out / "areas.csv").open(newline="", encoding="utf-8") as file:
-            (row,) = csv.DictReader(file)
-        areas[preset] = float(row["area_cm2"])
-        assert float(row["px_per_mm"]) == pytest.approx(8.0)
-    assert areas["fast"] != areas["accurate"]
-    assert areas["fast"] == pytest.approx(areas["accurate"], rel=0.02)
-    with pytest.raises(InputError, match="other settings"):
-        predict.main(
-            [
-                *(str(tmp_path / "leaf.png"), "--model", "rule_based", "--px-per-mm", "8"),
-                *("--preset", "fast", "--out", str(tmp_path / "accurate"), "--no-overlay"),
-            ]
-        )

@@ -9,13 +9,15 @@ from typing import Any
 
 from laesi_tf.common.atomic_files import short_sha256
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.presets import PRESETS
 from laesi_tf.common.run_files import BEST_MODEL_FILE, LITERT_SUFFIX, METRICS_FILE, PRETRAINED
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.factory import WITHOUT_RUN, load_estimator
+from laesi_tf.estimators.reduced_photo import ReducedPhoto
 
 SHIPPED = "ruling x silhouette"
 """Name of the method that `predict` measures with."""
+WORKING_SIDES_PX = (640, 1024)
+"""Longer sides of the photo at which it is compared beside all pixels."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +34,8 @@ class Method:
 
     def load(self) -> Estimator:
         """Load the estimator. Raises InputError."""
-        return load_estimator(**self.options, working_px=self.working_px)
+        estimator = load_estimator(**self.options)
+        return estimator if self.working_px is None else ReducedPhoto(estimator, self.working_px)
 
     @functools.cached_property
     def digest(self) -> str:
@@ -62,8 +65,7 @@ def list_methods(models: Sequence[Path] = ()) -> list[Method]:
     area, mask, ruling = (str(PRETRAINED / task) for task in ("area", "mask", "ruling"))
     shipped = [
         Method(name=f"{SHIPPED}, {side} px", working_px=side, models=(mask, ruling))
-        for side in PRESETS.values()
-        if side is not None
+        for side in WORKING_SIDES_PX
     ]
     methods = [
         *(Method(name=name, options={"run": name}) for name in WITHOUT_RUN),

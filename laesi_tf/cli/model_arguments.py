@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
-from laesi_tf.common.presets import PRESETS
 from laesi_tf.common.run_files import needs_tensorflow, require_run
 from laesi_tf.common.tensorflow import require_tensorflow
 
@@ -41,22 +40,6 @@ def add_model_arguments(parser: argparse.ArgumentParser) -> None:
         help="where no ruling can be read, let an area model guess instead of refusing the photo: the one "
         "that comes with the package, unless --model names another",
     )
-
-
-def add_preset_argument(parser: argparse.ArgumentParser) -> None:
-    """Add --preset."""
-    parser.add_argument(
-        "--preset",
-        choices=tuple(PRESETS),
-        default="accurate",
-        help="compromise between speed and accuracy: photos are shrunk to 640 pixels (fast), to 1,024 "
-        "(balanced), or not at all",
-    )
-
-
-def working_px(options: argparse.Namespace) -> int | None:
-    """Return the longer side of the photos that are measured; None for all pixels."""
-    return PRESETS[options.preset]
 
 
 def model_options(options: argparse.Namespace) -> dict[str, Any]:

@@ -20,7 +20,6 @@ from laesi_tf.estimators.colour_threshold import ColourThreshold
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
 from laesi_tf.estimators.litert_estimator import load_litert_estimator
 from laesi_tf.estimators.mask_estimator import MaskEstimator
-from laesi_tf.estimators.reduced_photo import ReducedPhoto
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.ruling_estimator import RulingEstimator
 from laesi_tf.estimators.scan.scan_estimator import ScanEstimator
@@ -40,7 +39,6 @@ def load_estimator(
     guess: bool = False,
     has_known_scale: bool = False,
     in_keras: bool = False,
-    working_px: int | None = None,
 ) -> Estimator:
     """Load the estimator for the training run in folder `run`; without one, the ruling estimator.
 
@@ -54,19 +52,8 @@ def load_estimator(
     `PhotoInfo.px_per_mm` will be given and no ruling is read: without a run, leaves are found on a plain
     background by its colour, else by the mask network; with `mask_run`, by that network alone. With
     `in_keras`, runs that hold a LiteRT file are run by Keras, too: parameters of their stages can then be
-    replaced. With `working_px`, the estimator sees photos whose longer side is shrunk to that. Raises
-    InputError.
+    replaced. Raises InputError.
     """
-    if working_px is not None:
-        whole = load_estimator(
-            run,
-            mask_run=mask_run,
-            ruling_run=ruling_run,
-            guess=guess,
-            has_known_scale=has_known_scale,
-            in_keras=in_keras,
-        )
-        return ReducedPhoto(whole, working_px)
     if has_known_scale and run is None:
         if mask_run is not None:
             return _load_mask(mask_run, in_keras)

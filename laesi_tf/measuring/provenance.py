@@ -57,7 +57,6 @@ def describe_settings(
     px_per_mm: float | None,
     dpi: float | str | None,
     grid_mm: float | None,
-    working_px: int | None,
 ) -> dict[str, Any]:
     """Return all that an area depends on beside the photo; results with other settings are not mixed.
 
@@ -70,7 +69,6 @@ def describe_settings(
         "px_per_mm": px_per_mm,
         "dpi": dpi,
         "grid_mm": grid_mm,
-        "working_px": working_px,
     }
 
 

@@ -210,5 +210,5 @@ def _encode_figure(figure: Figure) -> str:
     drawn, small = io.BytesIO(), io.BytesIO()
     figure.savefig(drawn, format="png", dpi=80)
     # Lines on white need few colours: a quarter of the bytes, two dozen times on a page.
-    Image.open(drawn).convert("RGB").quantize(64).save(small, format="PNG", optimize=True)
+    Image.open(drawn).convert("RGB").quantize(160).save(small, format="PNG", optimize=True)
     return base64.b64encode(small.getvalue()).decode("ascii")
