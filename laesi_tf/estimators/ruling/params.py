@@ -177,6 +177,12 @@ class JudgeParams:
         3.3, unit="frame pixels", set_on="rendered (split develop) at a quarter of its pixels, 2026-11-29"
     )
     """Lines of which every fifth alone is heavier are not believed below this distance."""
+    sure_fifths: float = parameter(
+        200.0,
+        unit="power over its standard error",
+        set_on="the same photos: 11 to 80; over 1,000 on scenes of such paper at 3 pixels, 2026-11-29",
+    )
+    """Unless the waves of heavier fifths are so strong in both families."""
     widest_mm: float = parameter(700.0, unit="mm", set_on=RENDERED_AND_CASES)
     """Photos do not show more of a sheet: A3 with a margin, held at arm's length."""
 

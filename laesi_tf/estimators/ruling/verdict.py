@@ -62,6 +62,7 @@ def decide_refusal(
     is_uncertain = may_exist[0] & has_no_finer
     # Beyond what a photo can hold, millimetres of 1-5-10 paper make way for a harmonic of its tens.
     may_be_harmonic = heavier.fifth & ~heavier.tenth & (period < params.surely_finest_px)
+    may_be_harmonic &= heavier.surest < params.sure_fifths
     reasons = [
         (votes.agreeing_cells < params.fewest_cells, Refusal.NO_RULING),
         ((weaker < params.faintest) & (stronger < 5 * params.faintest), Refusal.NO_RULING),
