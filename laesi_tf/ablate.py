@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
-from laesi_tf.cli.comparison_arguments import add_photo_set_arguments, parse_photo_sets
+from laesi_tf.cli.comparison_arguments import add_photo_set_arguments
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json
-from laesi_tf.common.errors import InputError
 from laesi_tf.common.hardware import describe_hardware, format_hardware
 from laesi_tf.common.parsing import image_size, positive_int
-from laesi_tf.data.manifest import read_manifest
+from laesi_tf.data.manifest import digest_photos, read_photo_sets
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.tasks import TASKS
 
@@ -28,11 +27,7 @@ _COST_REPEATS = 3
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError."""
     options = _make_parser().parse_args(arguments)
-    sets = {
-        name: read_manifest(path, split=split) for name, (path, split) in parse_photo_sets(options).items()
-    }
-    if not sets:
-        raise InputError("name a set of photos of known area with --photos CSV")
+    sets = read_photo_sets(options.photos)
     table, chart = options.out / "ablation.csv", options.out / "ablation.png"
     for path in (table, chart):
         require_writable(path)
@@ -59,7 +54,7 @@ def main(arguments: Sequence[str]) -> None:
     base = load_ranges(options.ranges)
     settings = recipe | {
         "ranges": ranges_to_toml(base),
-        "sets": {name: ablation.digest_photos(photos) for name, photos in sets.items()},
+        "sets": {name: digest_photos(photos) for name, photos in sets.items()},
     }
     runner = ablation.AblationRunner(
         out=options.out, config=TrainConfig(**recipe), sets=sets, settings=settings
@@ -84,7 +79,7 @@ def main(arguments: Sequence[str]) -> None:
 
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("ablate", __doc__)
-    add_photo_set_arguments(parser)
+    add_photo_set_arguments(parser, required=True)
     parser.add_argument(
         "--tasks", nargs="+", choices=tuple(TASKS), default=["mask"], metavar="TASK", help="networks to train"
     )

@@ -5,23 +5,20 @@ interquartile range (IQR). A difference smaller than its IQR is noise.
 """
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
-from laesi_tf.cli.comparison_arguments import (
-    add_method_arguments,
-    add_photo_set_arguments,
-    parse_photo_sets,
-)
+from laesi_tf.cli.comparison_arguments import add_method_arguments, add_photo_set_arguments
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.dataset_arguments import add_filter_arguments
 from laesi_tf.cli.model_arguments import add_model_arguments, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json, write_text
-from laesi_tf.common.errors import InputError
 from laesi_tf.common.hardware import describe_hardware, format_hardware
-from laesi_tf.common.parsing import image_size, non_negative_int, positive_float, positive_int
-from laesi_tf.data.manifest import read_manifest
+from laesi_tf.common.parsing import image_size, non_negative_int, positive_int, select_by_name
+from laesi_tf.data.manifest import read_manifest, read_photo_sets
 from laesi_tf.data.photo_search import find_photos
 
 
@@ -80,9 +77,7 @@ def benchmark_synthesis(arguments: Sequence[str]) -> None:
         steps=options.steps,
         weights=options.weights,
     )
-    if options.json is not None:
-        write_json(options.json, metrics)
-    print(format_table(metrics))
+    _report(options, metrics, format_table(metrics))
 
 
 def benchmark_photo(arguments: Sequence[str]) -> None:
@@ -98,28 +93,22 @@ def benchmark_photo(arguments: Sequence[str]) -> None:
 
     estimator = load_estimator(**model_options(options))
     metrics = time_photos(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
-    if options.json is not None:
-        write_json(options.json, metrics)
-    print(format_table(metrics))
+    _report(options, metrics, format_table(metrics))
 
 
 def benchmark_start(arguments: Sequence[str]) -> None:
     """Time `predict` from the start of its process to the first area, and measure its memory."""
     parser = make_parser("benchmark start", benchmark_start.__doc__)
-    parser.add_argument(
-        "photos", nargs="+", metavar="PHOTO", help="photos or folders, a process for each photo"
-    )
+    _add_photo_arguments(parser, use=", a process for each photo")
     parser.add_argument(
         "--repeats", type=positive_int, default=5, metavar="N", help="processes for each photo"
     )
     options = parser.parse_args(arguments)
-    photos = [photo.path for photo in find_photos(options.photos).photos]
+    photos = find_photos(options.photos).paths
     from laesi_tf.benchmarks import cold_start
 
     metrics = cold_start.time_starts(photos, repeats=options.repeats)
-    if options.json is not None:
-        write_json(options.json, metrics)
-    print(cold_start.format_table(metrics))
+    _report(options, metrics, cold_start.format_table(metrics))
 
 
 def benchmark_sensitivity(arguments: Sequence[str]) -> None:
@@ -155,17 +144,14 @@ def benchmark_sensitivity(arguments: Sequence[str]) -> None:
         labelled = sensitivity.load_photos(photos)
     base = sensitivity.measure_accuracy(estimator, labelled)
     results = list(sensitivity.measure_sensitivity(estimator, labelled, parameters))
-    if options.json is not None:
-        write_json(options.json, sensitivity.to_json(base, results))
-    print(sensitivity.format_table(base, results, count=len(labelled)))
+    table = sensitivity.format_table(base, results, count=len(labelled))
+    _report(options, sensitivity.to_json(base, results), table)
 
 
 def benchmark_folder(arguments: Sequence[str]) -> None:
     """Measure a folder of many photos: speed and memory of 1 and 2 workers, and the result after kills."""
     parser = make_parser("benchmark folder", benchmark_folder.__doc__)
-    parser.add_argument(
-        "photos", nargs="+", metavar="PHOTO", help="photos or folders; links to them are measured"
-    )
+    _add_photo_arguments(parser, use="; links to them are measured")
     parser.add_argument(
         "--count", type=positive_int, default=300, metavar="N", help="photos in the folder that is measured"
     )
@@ -177,33 +163,27 @@ def benchmark_folder(arguments: Sequence[str]) -> None:
     )
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the kills")
     options = parser.parse_args(arguments)
-    photos = [photo.path for photo in find_photos(options.photos).photos]
+    photos = find_photos(options.photos).paths
     from laesi_tf.benchmarks import folder_speed
 
     metrics = folder_speed.time_folder(
         photos, count=options.count, workers=options.workers, kills=options.kills, seed=options.seed
     )
-    if options.json is not None:
-        write_json(options.json, metrics)
-    print(folder_speed.format_table(metrics))
+    _report(options, metrics, folder_speed.format_table(metrics))
 
 
 def benchmark_fuzz(arguments: Sequence[str]) -> None:
     """Measure damaged and hostile files: no traceback, at most 10 s a file and 2 GB of memory."""
     parser = make_parser("benchmark fuzz", benchmark_fuzz.__doc__)
-    parser.add_argument(
-        "photos", nargs="+", metavar="PHOTO", help="photos or folders, copies of which are damaged"
-    )
+    _add_photo_arguments(parser, use=", copies of which are damaged")
     parser.add_argument("--files", type=positive_int, default=200, metavar="N", help="files to make")
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the damage")
     options = parser.parse_args(arguments)
-    photos = [photo.path for photo in find_photos(options.photos).photos]
+    photos = find_photos(options.photos).paths
     from laesi_tf.benchmarks import fuzzed_files
 
     metrics = fuzzed_files.fuzz_predict(photos, count=options.files, seed=options.seed)
-    if options.json is not None:
-        write_json(options.json, metrics)
-    print(fuzzed_files.format_report(metrics))
+    _report(options, metrics, fuzzed_files.format_report(metrics))
     if not metrics["is_passed"]:
         raise SystemExit(1)
 
@@ -211,7 +191,7 @@ def benchmark_fuzz(arguments: Sequence[str]) -> None:
 def benchmark_accuracy(arguments: Sequence[str]) -> None:
     """Measure the same photos with every method: error against speed, as a table and a chart."""
     parser = make_parser("benchmark accuracy", benchmark_accuracy.__doc__)
-    add_photo_set_arguments(parser)
+    add_photo_set_arguments(parser, required=True)
     add_method_arguments(parser)
     parser.add_argument(
         "--timed", type=positive_int, default=5, metavar="N", help="photos of 12 megapixels to time"
@@ -224,35 +204,26 @@ def benchmark_accuracy(arguments: Sequence[str]) -> None:
         help="folder for speed_accuracy.csv, .md and .png",
     )
     options = parser.parse_args(arguments)
-    sets = {
-        name: read_manifest(path, split=split) for name, (path, split) in parse_photo_sets(options).items()
-    }
-    if not sets:
-        raise InputError("name a set of photos of known area with --photos CSV")
+    sets = read_photo_sets(options.photos)
     paths = {suffix: options.out / f"speed_accuracy.{suffix}" for suffix in ("csv", "md", "png")}
     for path in paths.values():
         require_writable(path)
     load_tensorflow()
     from laesi_tf.benchmarks import accuracy
-    from laesi_tf.benchmarks.methods import list_methods, select_methods
-    from laesi_tf.reporting.accuracy_chart import plot_speed_accuracy, tabulate
+    from laesi_tf.benchmarks.methods import list_methods
+    from laesi_tf.reporting.accuracy_chart import format_report, plot_speed_accuracy
 
-    methods = select_methods(list_methods(options.models), options.methods)
+    methods = select_by_name(list_methods(options.models), options.methods, "method")
     rows = accuracy.compare_methods(methods, sets, timed=options.timed)
     by_set = {name: [row for row in rows if row["set"] == name] for name in sets}
     fronts = {name: accuracy.find_front(rows) for name, rows in by_set.items()}
     hardware = describe_hardware()
-    lines = [f"{format_hardware(hardware)}; {options.timed} photos timed"]
-    for name, of_set in by_set.items():
-        best = "; ".join(f"{row['method']} ({row['ms']:.0f} ms)" for row in fronts[name])
-        lines += ["", f"**{name}**", "", *tabulate(of_set), "", f"No method is better in both: {best}."]
+    text = format_report(f"{format_hardware(hardware)}; {options.timed} photos timed", by_set, fronts)
     write_csv(paths["csv"], accuracy.COLUMNS, ([row[name] for name in accuracy.COLUMNS] for row in rows))
-    write_text(paths["md"], "\n".join([*lines, ""]))
+    write_text(paths["md"], f"{text}\n")
     write_figure(paths["png"], plot_speed_accuracy(by_set, fronts), dpi=130)
-    if options.json is not None:
-        write_json(options.json, {"rows": rows, **hardware})
-    print("\n".join(lines))
-    print("written:", ", ".join(map(str, paths.values())))
+    written = ", ".join(map(str, paths.values()))
+    _report(options, {"rows": rows, **hardware}, f"{text}\nwritten: {written}")
 
 
 def benchmark_filter(arguments: Sequence[str]) -> None:
@@ -265,19 +236,7 @@ def benchmark_filter(arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
     )
-    parser.add_argument(
-        "--mask-run",
-        type=Path,
-        metavar="RUN",
-        help="training run of task mask (default: the one that comes with the package)",
-    )
-    parser.add_argument(
-        "--max-deviation",
-        type=positive_float,
-        default=0.15,
-        metavar="SHARE",
-        help="largest deviation that the filter accepts",
-    )
+    add_filter_arguments(parser)
     parser.add_argument(
         "--textures",
         type=Path,
@@ -303,9 +262,18 @@ def benchmark_filter(arguments: Sequence[str]) -> None:
         textures=options.textures,
         textures_split=options.textures_split,
     )
+    _report(options, metrics, filter_faults.format_table(metrics))
+
+
+def _report(options: argparse.Namespace, metrics: Mapping[str, Any], text: str) -> None:
+    """Write the figures where --json says, and print them as `text`."""
     if options.json is not None:
         write_json(options.json, metrics)
-    print(filter_faults.format_table(metrics))
+    print(text)
+
+
+def _add_photo_arguments(parser: argparse.ArgumentParser, *, use: str) -> None:
+    parser.add_argument("photos", nargs="+", metavar="PHOTO", help=f"photos or folders{use}")
 
 
 def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, int]) -> None:

@@ -13,11 +13,7 @@ from pathlib import Path
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.memory import return_large_blocks
-from laesi_tf.cli.model_arguments import (
-    add_model_arguments,
-    load_tensorflow_if_needed,
-    model_options,
-)
+from laesi_tf.cli.model_arguments import add_model_arguments, load_tensorflow_if_needed, model_options
 from laesi_tf.cli.tensorflow_setup import suppress_stderr
 from laesi_tf.common.atomic_files import require_distinct, require_writable, write_csv, write_json
 from laesi_tf.common.text import round_for_table, sanitise_text

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.dataset_arguments import add_filter_arguments
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_figure, write_json
-from laesi_tf.common.parsing import positive_float
 from laesi_tf.data.dataset_spec import read_spec
 
 if TYPE_CHECKING:
@@ -69,26 +69,10 @@ def _format_summary(result: "FilterResult", out: Path) -> str:
     return "\n".join(lines)
 
 
-def _max_deviation(text: str) -> float:
-    return positive_float(text, what="share of the leaf")
-
-
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("filter", __doc__)
     parser.add_argument("dataset", type=Path, metavar="DIR", help="folder of the repainted data set")
-    parser.add_argument(
-        "--mask-run",
-        type=Path,
-        metavar="RUN",
-        help="training run of task mask (default: the one that comes with the package)",
-    )
-    parser.add_argument(
-        "--max-deviation",
-        type=_max_deviation,
-        default=0.15,
-        metavar="SHARE",
-        help="largest number of wrong pixels, relative to those of the leaf",
-    )
+    add_filter_arguments(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder of the result (default: DIR with -filtered behind it)"
     )

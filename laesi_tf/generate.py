@@ -13,9 +13,10 @@ from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.dataset_arguments import add_shard_argument
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
-from laesi_tf.common.parsing import image_size, non_negative_int, positive_int, shard_fraction
+from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
 from laesi_tf.data.dataset_spec import FORMATS, SPEC_FILE, DatasetSpec
 
 
@@ -76,13 +77,7 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--format", choices=FORMATS, default="records", help="TFRecord, or JPEG and PNG")
     parser.add_argument("--per-shard", type=positive_int, default=1000, metavar="N", help="images in a shard")
-    parser.add_argument(
-        "--shard",
-        type=shard_fraction,
-        default=(0, 1),
-        metavar="I/N",
-        help="generate part I of N only, counted from 0 (default: 0/1, all)",
-    )
+    add_shard_argument(parser, verb="generate")
     return parser
 
 

@@ -15,10 +15,11 @@ from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
+from laesi_tf.cli.dataset_arguments import add_shard_argument
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.parsing import non_negative_int, shard_fraction
+from laesi_tf.common.parsing import non_negative_int
 from laesi_tf.common.schema import add_option_arguments, from_table
 from laesi_tf.data.dataset_spec import SPEC_FILE, read_spec
 from laesi_tf.inpainting.base import InpainterSettings
@@ -82,13 +83,7 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--model", choices=tuple(INPAINTERS), default="controlnet", help="the inpainter")
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of what is painted")
-    parser.add_argument(
-        "--shard",
-        type=shard_fraction,
-        default=(0, 1),
-        metavar="I/N",
-        help="repaint part I of N only, counted from 0 (default: 0/1, all)",
-    )
+    add_shard_argument(parser, verb="repaint")
     for name, settings in INPAINTERS.items():
         add_option_arguments(parser.add_argument_group(f"--model {name}"), settings)
     return parser

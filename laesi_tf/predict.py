@@ -12,11 +12,7 @@ from collections.abc import Sequence
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.memory import return_large_blocks
-from laesi_tf.cli.model_arguments import (
-    add_model_arguments,
-    load_tensorflow_if_needed,
-    model_options,
-)
+from laesi_tf.cli.model_arguments import add_model_arguments, load_tensorflow_if_needed, model_options
 from laesi_tf.cli.output_arguments import add_output_arguments, overlay_side
 from laesi_tf.cli.scale_arguments import (
     OF_FILE,
@@ -50,10 +46,7 @@ def main(arguments: Sequence[str]) -> None:
     search = find_photos(options.photos, recursive=options.recursive)
     models = list_models(**model_options(options), has_known_scale=has_known_scale(options))
     settings = describe_settings(
-        models,
-        px_per_mm=options.px_per_mm,
-        dpi=options.dpi,
-        grid_mm=options.grid_mm,
+        models, px_per_mm=options.px_per_mm, dpi=options.dpi, grid_mm=options.grid_mm
     )
     with ResultsFolder(
         options.out, settings, csv=options.csv, json_lines=options.jsonl, again=options.again
@@ -91,10 +84,7 @@ def _measure(
     from laesi_tf.measuring.photo_worker import PhotoWorker
 
     with suppress_stderr():
-        estimator = factory.load_estimator(
-            **model_options(options),
-            has_known_scale=has_known_scale(options),
-        )
+        estimator = factory.load_estimator(**model_options(options), has_known_scale=has_known_scale(options))
     worker = PhotoWorker(
         estimator=estimator,
         folder=options.out,

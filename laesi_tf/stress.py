@@ -1,6 +1,6 @@
 """Find out where methods fail: one nuisance at a time from none to absurd, everything else fixed.
 
-Nuisances are laid over calm scenes of millimetre paper and, where they can be, over photographs of known
+Nuisances are applied to calm scenes of millimetre paper and, where they can be, to photographs of known
 area with masks. Writes stress.csv, one row for each nuisance, severity, method and set, and stress.html.
 Run the same command again to continue a run that was stopped.
 """
@@ -10,18 +10,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from laesi_tf.cli.arguments import make_parser
-from laesi_tf.cli.comparison_arguments import (
-    add_method_arguments,
-    add_photo_set_arguments,
-    parse_photo_sets,
-)
+from laesi_tf.cli.comparison_arguments import add_method_arguments, add_photo_set_arguments
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.hardware import describe_hardware, format_hardware
-from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
-from laesi_tf.data.manifest import read_manifest
+from laesi_tf.common.parsing import image_size, non_negative_int, positive_int, select_by_name
+from laesi_tf.data.manifest import read_photo_sets
 
 _TRIALS_FILE = "stress.trials"
 _SCENES = "calm scenes"
@@ -32,21 +28,19 @@ _FAILURES = 24
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError."""
     options = _make_parser().parse_args(arguments)
-    sets = {
-        name: read_manifest(path, split=split) for name, (path, split) in parse_photo_sets(options).items()
-    }
+    sets = read_photo_sets(options.photos)
     if _SCENES in sets:
         raise InputError(f"a set is called {_SCENES!r}, as the synthetic ones are; rename its folder")
     table, page = options.out / "stress.csv", options.out / "stress.html"
     for path in (table, page):
         require_writable(path)
     load_tensorflow()
-    from laesi_tf.benchmarks.methods import SHIPPED, list_methods, select_methods
+    from laesi_tf.benchmarks.methods import SHIPPED, list_methods
     from laesi_tf.benchmarks.stress import failures, nuisances, sources, summary, trials
     from laesi_tf.reporting.stress_page import StressReport, list_breakdowns, write_stress_page
 
-    methods = select_methods(list_methods(options.models), options.methods)
-    chosen = nuisances.select_nuisances(options.nuisances)
+    methods = select_by_name(list_methods(options.models), options.methods, "method")
+    chosen = select_by_name(nuisances.NUISANCES, options.nuisances, "nuisance")
     pictures: dict[str, sources.Source] = {
         _SCENES: sources.SceneSource(options.pictures, seed=options.seed, size=options.size)
     }
@@ -90,7 +84,7 @@ def main(arguments: Sequence[str]) -> None:
 
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("stress", __doc__)
-    add_photo_set_arguments(parser)
+    add_photo_set_arguments(parser, required=False)
     add_method_arguments(parser)
     parser.add_argument(
         "--nuisances", nargs="+", default=[], metavar="NAME", help="only these nuisances (default: all)"

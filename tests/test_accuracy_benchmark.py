@@ -8,8 +8,9 @@ from photo_sets import make_photo_set
 
 from laesi_tf import benchmark
 from laesi_tf.benchmarks.accuracy import find_front
-from laesi_tf.benchmarks.methods import SHIPPED, list_methods, select_methods
+from laesi_tf.benchmarks.methods import SHIPPED, list_methods
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.parsing import select_by_name
 from laesi_tf.estimators.factory import WITHOUT_RUN
 
 
@@ -33,14 +34,14 @@ def test_front_holds_what_no_other_beats_in_both() -> None:
 def test_every_estimator_without_a_run_is_a_method() -> None:
     methods = list_methods()
     assert {*WITHOUT_RUN, SHIPPED, "regression"} <= {method.name for method in methods}
-    shipped = select_methods(methods, [SHIPPED])[0]
+    shipped = select_by_name(methods, [SHIPPED], "method")[0]
     assert shipped.model_bytes > 1e6 and shipped.training_minutes == pytest.approx(77.4, abs=0.1)
     assert len({method.digest for method in methods if method.models}) == 3
 
 
 def test_unknown_and_repeated_names_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no method is called 'magic'"):
-        select_methods(list_methods(), ["magic"])
+        select_by_name(list_methods(), ["magic"], "method")
     with pytest.raises(InputError, match="two models are called small"):
         list_methods([tmp_path / "a" / "small", tmp_path / "b" / "small"])
 

@@ -13,7 +13,8 @@ from test_ruling_estimator import draw_disk
 
 from laesi_tf.common.geometry import ImageSize
 from laesi_tf.common.run_files import PRETRAINED
-from laesi_tf.estimators.graph.guidance_graph import PART_PLACES, TILE_PX, VIEW_PX, GuidanceGraph, Hint
+from laesi_tf.estimators.graph.guidance_graph import GuidanceGraph, Hint
+from laesi_tf.estimators.graph.guidance_measures import PART_PLACES, TILE_PX, VIEW_PX
 from laesi_tf.models.ruling_cells import FRAME_PX
 from laesi_tf.models.saved_model import load_run
 

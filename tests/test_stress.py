@@ -12,11 +12,12 @@ from photo_sets import make_photo_set
 
 from laesi_tf import stress
 from laesi_tf.benchmarks.stress import photo_filters, summary
-from laesi_tf.benchmarks.stress.nuisances import NUISANCES, select_nuisances
+from laesi_tf.benchmarks.stress.nuisances import NUISANCES
 from laesi_tf.benchmarks.stress.sources import PhotoSource, SceneSource
 from laesi_tf.benchmarks.stress.stress_photo import StressPhoto
 from laesi_tf.benchmarks.stress.trials import Trial, TrialFile
 from laesi_tf.common.errors import InputError
+from laesi_tf.common.parsing import select_by_name
 from laesi_tf.data.manifest import read_manifest
 
 LEAF = StressPhoto(image=photo(300, 400), mask=disk(300, 400), area_cm2=25.0, px_per_mm=3.0)
@@ -49,7 +50,7 @@ def test_none_is_the_same_picture_for_all(scenes: SceneSource) -> None:
 
 
 def test_only_the_light_changes_with_the_shadow(scenes: SceneSource) -> None:
-    (shadow,) = select_nuisances(["shadow"])
+    (shadow,) = select_by_name(NUISANCES, ["shadow"], "nuisance")
     calm, worst = scenes.make(0, shadow, 0), scenes.make(0, shadow, 5)
     assert np.array_equal(calm.mask, worst.mask) and calm.area_cm2 == worst.area_cm2
 
@@ -58,8 +59,8 @@ def test_unknown_numbers_of_a_scene_are_errors(scenes: SceneSource) -> None:
     with pytest.raises(KeyError, match=r"camera\.zoom"):
         scenes._scenes.render(0, {"camera.zoom": 1})
     with pytest.raises(InputError, match="there are tilt, roll"):
-        select_nuisances(["earthquake"])
-    assert len(select_nuisances(["tilt", "tilt"])) == 1
+        select_by_name(NUISANCES, ["earthquake"], "nuisance")
+    assert len(select_by_name(NUISANCES, ["tilt", "tilt"], "nuisance")) == 1
 
 
 @pytest.mark.parametrize("nuisance", ON_PHOTOS, ids=lambda nuisance: nuisance.name)

@@ -6,7 +6,6 @@ where components are meant to help, with all else as in `evaluate`.
 """
 
 import dataclasses
-import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -126,17 +125,6 @@ class AblationRunner:
             keras.utils.clear_session()
         found: Mapping[str, Mapping[str, float | None]] = read_json(scores)
         return found
-
-
-def digest_photos(photos: Sequence[Photo]) -> str:
-    """Return 16 letters that change with the photos, their masks and their labels."""
-    digest = hashlib.sha256()
-    for photo in photos:
-        digest.update(repr((photo.seen_cm2, photo.px_per_mm, photo.grid_mm)).encode())
-        for path in (photo.image, photo.mask):
-            if path is not None and path.is_file():
-                digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 def require_labels(tasks: Sequence[str], sets: Mapping[str, Sequence[Photo]]) -> None:

@@ -56,8 +56,16 @@ def compare_methods(
     with tempfile.TemporaryDirectory() as name:
         photos = list(_enlarge_photos(next(iter(sets.values())), timed, Path(name)))
         for method in progress_bar(methods, desc="methods", unit="method"):
-            costs = _measure_costs(method, photos)
+            # The process of its own runs alone.
+            first = measure_first_area(method, *photos[0])
             estimator = method.load()
+            costs = {
+                **_time_photos(estimator, photos),
+                "first_area_s": first.seconds,
+                "peak_mb": first.peak_mb,
+                "model_mb": method.model_bytes / 1e6,
+                "training_minutes": method.training_minutes,
+            }
             for set_name, labelled in sets.items():
                 rows.append({"method": method.name, "set": set_name} | _score(estimator, labelled) | costs)
     return rows
@@ -89,24 +97,16 @@ def _score(estimator: Estimator, photos: Sequence[Photo]) -> Row:
     }
 
 
-def _measure_costs(method: Method, photos: Sequence[TimedPhoto]) -> Row:
-    """Return what a method costs, the same for all sets. The process of its own runs alone."""
-    first = measure_first_area(method, *photos[0])
-    estimator, times = method.load(), []
+def _time_photos(estimator: Estimator, photos: Sequence[TimedPhoto]) -> Row:
+    """Return milliseconds from the bytes of a photo to its area."""
+    times = []
     for path, px_per_mm in (photos[0], *photos):
         started = time.perf_counter()
         estimator.measure(decode_photo(path), PhotoInfo(px_per_mm=px_per_mm))
         times.append((time.perf_counter() - started) * 1e3)
     # The first one traces graphs.
     spent = MedianIqr.of(times[1:])
-    return {
-        "ms": spent.median,
-        "ms_iqr": spent.iqr,
-        "first_area_s": first.seconds,
-        "peak_mb": first.peak_mb,
-        "model_mb": method.model_bytes / 1e6,
-        "training_minutes": method.training_minutes,
-    }
+    return {"ms": spent.median, "ms_iqr": spent.iqr}
 
 
 def _enlarge_photos(photos: Sequence[Photo], count: int, folder: Path) -> Iterator[TimedPhoto]:

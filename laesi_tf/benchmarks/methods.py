@@ -85,14 +85,6 @@ def list_methods(models: Sequence[Path] = ()) -> list[Method]:
     return methods
 
 
-def select_methods(methods: Sequence[Method], names: Sequence[str]) -> list[Method]:
-    """Return the methods of these names, all without any. Raises InputError."""
-    known = {method.name: method for method in methods}
-    if unknown := [name for name in names if name not in known]:
-        raise InputError(f"no method is called {unknown[0]!r}; there are {', '.join(map(repr, known))}")
-    return [known[name] for name in dict.fromkeys(names)] or list(methods)
-
-
 def _list_files(model: Path) -> list[Path]:
     """Return the files that are loaded of a run or an exported file."""
     if model.is_file():

@@ -1,7 +1,26 @@
-"""Parse the numbers, image sizes and shares of command-line flags; each function is a `type` for argparse."""
+"""Parse the numbers, image sizes, shares and names of command-line flags.
+
+Functions of one text are a `type` for argparse.
+"""
 
 import argparse
 import math
+from collections.abc import Iterable
+from typing import Protocol, TypeVar
+
+from laesi_tf.common.errors import InputError
+
+
+class HasName(Protocol):
+    """Something that a flag names."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+
+Named = TypeVar("Named", bound=HasName)
 
 
 def positive_int(text: str) -> int:
@@ -36,6 +55,19 @@ def image_size(text: str) -> tuple[int, int]:
     if len(parts) > 2 or not all(part.isdigit() and 16 <= int(part) <= 8192 for part in parts):
         raise argparse.ArgumentTypeError(f"{text!r} is not a side or HEIGHTxWIDTH between 16 and 8192 pixels")
     return int(parts[0]), int(parts[-1])
+
+
+def select_by_name(items: Iterable[Named], names: Iterable[str], what: str) -> list[Named]:
+    """Return the items of these names, each once, or all without any; messages call one `what`.
+
+    Raises InputError for a name that no item has.
+    """
+    known = {item.name: item for item in items}
+    chosen = list(dict.fromkeys(names)) or list(known)
+    if unknown := [name for name in chosen if name not in known]:
+        listed = ", ".join(repr(name) if "," in name else name for name in known)
+        raise InputError(f"no {what} is called {unknown[0]!r}; there are {listed}")
+    return [known[name] for name in chosen]
 
 
 def shard_fraction(text: str) -> tuple[int, int]:

@@ -6,6 +6,7 @@ folder.
 """
 
 import csv
+import hashlib
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -66,6 +67,33 @@ def read_manifest(path: Path | str, *, split: str | None = None) -> list[Photo]:
         raise InputError(f"manifest {path} is not a CSV file ({error}); save it as 'CSV UTF-8'") from None
     _require_distinct(path, rows)
     return _select_split(path, [photo for _, photo in rows], split)
+
+
+def read_photo_sets(named: Sequence[Sequence[str]]) -> dict[str, list[Photo]]:
+    """Return sets of photos by name, folder and split: each of `named` is a manifest and perhaps a split.
+
+    Raises InputError, also for two sets of one name.
+    """
+    sets: dict[str, list[Photo]] = {}
+    for manifest, *splits in named:
+        if len(splits) > 1:
+            raise InputError(f"--photos {manifest} takes one split; give --photos again for another")
+        name = " ".join([Path(manifest).resolve().parent.name, *splits])
+        if name in sets:
+            raise InputError(f"two sets are called {name!r}; rename a folder")
+        sets[name] = read_manifest(manifest, split=splits[0] if splits else None)
+    return sets
+
+
+def digest_photos(photos: Sequence[Photo]) -> str:
+    """Return 16 letters that change with the photos, their masks and their labels."""
+    digest = hashlib.sha256()
+    for photo in photos:
+        digest.update(repr((photo.seen_cm2, photo.px_per_mm, photo.grid_mm)).encode())
+        for path in (photo.image, photo.mask):
+            if path is not None and path.is_file():
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _parse_rows(path: Path, file: TextIO) -> Iterator[tuple[int, Photo]]:

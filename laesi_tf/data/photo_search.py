@@ -46,6 +46,11 @@ class PhotoSearch:
     closed: list[str] = field(default_factory=list)
     """Subfolders that cannot be listed, each with the reason."""
 
+    @property
+    def paths(self) -> list[Path]:
+        """The photos' files."""
+        return [photo.path for photo in self.photos]
+
     def describe_passed_over(self) -> str:
         """Return what was passed over and why, as one line; "" if nothing was."""
         parts = []

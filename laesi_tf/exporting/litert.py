@@ -15,7 +15,8 @@ from tensorflow.lite.tools import flatbuffer_utils
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.errors import InputError
-from laesi_tf.estimators.graph.guidance_graph import PART_PLACES, TILE_PX, VIEW_PX, GuidanceGraph, Hint
+from laesi_tf.estimators.graph.guidance_graph import GuidanceGraph, Hint
+from laesi_tf.estimators.graph.guidance_measures import PART_PLACES, TILE_PX, VIEW_PX
 from laesi_tf.estimators.graph.photo_graph import GRID_NODES, PhotoGraph
 from laesi_tf.estimators.ruling.codes import CUT_OFF, PitchNote, Refusal
 from laesi_tf.estimators.ruling.ruling_graph import RulingGraph

@@ -32,7 +32,7 @@ class Warp:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A donor, its frame as it is laid on the target, and whether it is mirrored at its midline."""
+    """A donor, its frame as it is placed on the target, and whether it is mirrored at its midline."""
 
     donor: Donor
     frame: LeafFrame
@@ -48,8 +48,8 @@ def align_best(target: LeafFrame, donors: list[Donor]) -> Alignment:
             frames.append(donor.frame.reverse())
         for order, frame in enumerate(frames):
             for is_mirrored in (False, True):
-                laid = _mirror_shape(frame) if is_mirrored else frame
-                cost = compare_shapes(target, laid)
+                placed = _mirror_shape(frame) if is_mirrored else frame
+                cost = compare_shapes(target, placed)
                 choices.append((cost, number, order, is_mirrored, frame))
     _, number, _, is_mirrored, frame = min(choices, key=lambda choice: choice[:4])
     return Alignment(donors[number], frame, is_mirrored)

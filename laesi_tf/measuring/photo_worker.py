@@ -1,6 +1,5 @@
 """Measure one photo: decode it, measure it, write its overlay, and return what the journal keeps."""
 
-import base64
 import math
 import os
 import threading
@@ -8,9 +7,6 @@ import traceback
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-
-import cv2
-import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.errors import InputError
@@ -22,6 +18,7 @@ from laesi_tf.estimators.base import UNKNOWN, Estimator, Measurement, PhotoInfo
 from laesi_tf.estimators.mask_estimator import NO_LEAF
 from laesi_tf.measuring.journal import JournalEntry, read_file_state
 from laesi_tf.measuring.photo_tasks import PhotoTask
+from laesi_tf.reporting.html_page import encode_jpeg
 from laesi_tf.reporting.leaf_records import LeafRecord, make_records
 from laesi_tf.reporting.measurement_overlay import draw_comparison, draw_measurement
 from laesi_tf.reporting.overlay import write_jpeg
@@ -110,9 +107,7 @@ def _make_records(task: PhotoTask, measurement: Measurement, overlay: str | None
 def _draw_thumbnail(image: RgbImage, measurement: Measurement) -> str:
     """Return a small JPEG with the outlines in base64."""
     drawn = draw_comparison(image, measurement, None, side=_THUMBNAIL_SIDE_PX)
-    quality = [cv2.IMWRITE_JPEG_QUALITY, _THUMBNAIL_QUALITY]
-    _, encoded = cv2.imencode(".jpg", np.ascontiguousarray(drawn[..., ::-1]), quality)
-    return base64.b64encode(encoded.tobytes()).decode("ascii")
+    return encode_jpeg(drawn, _THUMBNAIL_QUALITY)
 
 
 def _count_pixels(task: PhotoTask) -> int:

@@ -92,8 +92,8 @@ def _average_locally(values: keras.KerasTensor) -> keras.KerasTensor:
 class EnlargeCells(keras.layers.Layer):
     """Interpolates cells to their pixels, bilinearly, as `tf.image.resize`.
 
-    As a convolution whose channels become pixels: it holds for images of any size, while LiteRT's resizing is
-    told the size, and takes 40 bytes per pixel.
+    As a convolution whose channels become pixels: it holds for images of any size, while LiteRT's resizing
+    needs a fixed one, and 40 bytes per pixel.
     """
 
     def call(self, cells: tf.Tensor) -> tf.Tensor:

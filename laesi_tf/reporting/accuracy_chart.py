@@ -6,11 +6,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from laesi_tf.reporting.chart_styles import style_of
 from laesi_tf.reporting.markdown import format_table
 
-# Okabe and Ito's colours, told apart by the colour-blind; the markers tell them apart in grey.
-_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000")
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "h")
 _HEADER = (
     *("method", "n", "MRE %", "median %", "p90 %", "refused", "> 10 % off", "within 2 sd"),
     *("ms", "first area, s", "peak MB", "models, MB", "training, min"),
@@ -58,13 +56,18 @@ def plot_speed_accuracy(sets: Mapping[str, Sequence[Row]], fronts: Mapping[str, 
     return figure
 
 
-def tabulate(rows: Sequence[Row]) -> list[str]:
-    """Return the lines of a Markdown table of one set's rows."""
-    return format_table(_HEADER, [_make_cells(row) for row in rows], align_right=True)
+def format_report(setup: str, sets: Mapping[str, Sequence[Row]], fronts: Mapping[str, Sequence[Row]]) -> str:
+    """Return a table for each set, and the front of each, as Markdown; `setup` says how it was measured."""
+    lines = [setup]
+    for name, rows in sets.items():
+        best = "; ".join(f"{row['method']} ({row['ms']:.0f} ms)" for row in fronts[name])
+        table = format_table(_HEADER, [_make_cells(row) for row in rows], align_right=True)
+        lines += ["", f"**{name}**", "", *table, "", f"No method is better in both: {best}."]
+    return "\n".join(lines)
 
 
 def _plot_method(axes: Any, row: Row, number: int) -> None:
-    colour = _COLOURS[number % len(_COLOURS)]
+    colour, marker = style_of(number)
     below, above = (abs(row["mre_percent"] - row[end]) for end in ("mre_low", "mre_high"))
     is_mostly_refused = row["refused"] > row["n"] / 2
     axes.errorbar(
@@ -72,7 +75,7 @@ def _plot_method(axes: Any, row: Row, number: int) -> None:
         row["mre_percent"],
         yerr=[[below], [above]],
         color=colour,
-        marker=_MARKERS[number % len(_MARKERS)],
+        marker=marker,
         markerfacecolor="white" if is_mostly_refused else colour,
         linestyle="none",
         elinewidth=0.8,

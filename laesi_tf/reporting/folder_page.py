@@ -1,6 +1,5 @@
 """The summary page of a folder: one self-contained HTML file, which opens without a server."""
 
-import html
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from laesi_tf.common.atomic_files import atomic_write
-from laesi_tf.common.text import sanitise_text
 from laesi_tf.estimators.base import sum_uncertainties
 from laesi_tf.reporting.histogram import draw_histogram
+from laesi_tf.reporting.html_page import begin_page, escape, show_jpeg
 from laesi_tf.reporting.leaf_records import LeafRecord
 
 _STYLE = """
@@ -81,38 +80,33 @@ def write_page(
 def _format_head(
     title: str, facts: Mapping[str, str], counts: Mapping[str, int], areas: Sequence[float], passed_over: str
 ) -> Iterator[str]:
-    yield (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width"><link rel="icon" href="data:,">'
-        f"<title>{_escape(title)}</title><style>{_STYLE}</style></head><body>\n<h1>{_escape(title)}</h1>\n"
-    )
+    yield begin_page(title, _STYLE)
     numbers = {name: f"{count:,}" for name, count in counts.items()}
     if areas:
         numbers["cm² in total"] = f"{sum(areas):,.1f}"
         numbers["cm², median leaf"] = f"{sorted(areas)[len(areas) // 2]:.4g}"
-    items = "".join(f"<li><b>{value}</b>{_escape(name)}</li>" for name, value in numbers.items())
+    items = "".join(f"<li><b>{value}</b>{escape(name)}</li>" for name, value in numbers.items())
     yield f'<ul class="counts">{items}</ul>\n'
     if len(areas) > 1:
         yield f"<h2>Areas</h2>\n{draw_histogram(areas)}\n"
     yield "<h2>How it was measured</h2>\n<table>"
-    yield from (f"<tr><td>{_escape(name)}</td><td>{_escape(fact)}</td></tr>" for name, fact in facts.items())
+    yield from (f"<tr><td>{escape(name)}</td><td>{escape(fact)}</td></tr>" for name, fact in facts.items())
     yield "</table>\n"
     if passed_over:
-        yield f'<p class="note">Passed over: {_escape(passed_over)}.</p>\n'
+        yield f'<p class="note">Passed over: {escape(passed_over)}.</p>\n'
 
 
 def _format_refused(refused: Sequence[tuple[str, str]]) -> Iterator[str]:
     if refused:
         yield "<h2>Photos without an area</h2>\n<table><tr><th>photo</th><th>reason</th></tr>\n"
-        yield from (f"<tr><td>{_escape(name)}</td><td>{_escape(why)}</td></tr>\n" for name, why in refused)
+        yield from (f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>\n" for name, why in refused)
         yield "</table>\n"
 
 
 def _format_card(photo: PagePhoto) -> str:
     """Return a photo's thumbnail with its area, its notes or the reason why there is no area."""
     first = photo.records[0]
-    source = f"data:image/jpeg;base64,{photo.thumbnail}" if photo.thumbnail else ""
-    image = f'<img alt="" src="{source}">' if source else '<div class="empty">not measured</div>'
+    image = show_jpeg(photo.thumbnail) if photo.thumbnail else '<div class="empty">not measured</div>'
     if first.error is not None:
         result = '<span class="bad">no area</span>'
     else:
@@ -121,14 +115,10 @@ def _format_card(photo: PagePhoto) -> str:
         result = f"<b>{area:.2f}{'' if sd is None else f' ± {sd:.2f}'} cm²</b>"
         result += f", {len(photo.records)} leaves" if len(photo.records) > 1 else ""
     notes = dict.fromkeys(record.note for record in photo.records if record.note)
-    warnings = "".join(f'<br><span class="warn">{_escape(note)}</span>' for note in list(notes)[:2])
-    caption = f'{result}<br><span class="dim">{_escape(_name(first))}</span>{warnings}'
+    warnings = "".join(f'<br><span class="warn">{escape(note)}</span>' for note in list(notes)[:2])
+    caption = f'{result}<br><span class="dim">{escape(_name(first))}</span>{warnings}'
     return f"<figure>{image}<figcaption>{caption}</figcaption></figure>\n"
 
 
 def _name(record: LeafRecord) -> str:
     return record.photo if record.sample is None else f"{record.sample} ({record.photo})"
-
-
-def _escape(text: str) -> str:
-    return html.escape(sanitise_text(text))

@@ -1,8 +1,6 @@
 """The report of a run, report.html: one self-contained file that a biologist can read."""
 
-import base64
 import html
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 from laesi_tf.common.atomic_files import write_text
 from laesi_tf.common.geometry import trace_polygons
 from laesi_tf.common.run_files import CONFIG_FILE, HISTORY_FILE, REPORT_FILE
+from laesi_tf.reporting.html_page import encode_figure, encode_jpeg, show_jpeg, show_png
 from laesi_tf.reporting.overlay import PREDICTED_COLOUR, TRUE_COLOUR, draw_outlines
 from laesi_tf.reporting.run_charts import plot_learning_curves
 
@@ -111,15 +110,12 @@ def _image_to_html(shown: ValidationImage) -> str:
     for mask, colour in zip((shown.masks or ())[::-1], (TRUE_COLOUR, PREDICTED_COLOUR), strict=False):
         rings = [ring * scale for polygon in trace_polygons(mask) for ring in polygon.rings]
         canvas = draw_outlines(canvas, [(ring, colour) for ring in rings])
-    encoded = cv2.imencode(".jpg", canvas[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
-    return f"<img alt='' src='data:image/jpeg;base64,{base64.b64encode(encoded).decode()}'>"
+    return show_jpeg(encode_jpeg(canvas, 88))
 
 
 def _figure_to_html(figure: "Figure") -> str:
-    data = io.BytesIO()
     with matplotlib.rc_context({"axes.spines.top": False, "axes.spines.right": False}):
-        figure.savefig(data, format="png", dpi=110)
-    return f"<img alt='' src='data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}'>"
+        return show_png(encode_figure(figure, dpi=110))
 
 
 def _table_to_html(rows: Mapping[str, Any]) -> str:

@@ -1,24 +1,22 @@
 """The page of a stress run: one self-contained HTML file that says when to trust which method."""
 
-import base64
 import html
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from matplotlib.figure import Figure
-from PIL import Image
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.atomic_files import write_text
+from laesi_tf.reporting.chart_styles import style_of
+from laesi_tf.reporting.html_page import begin_page, encode_figure, encode_jpeg, show_jpeg, show_png
 
-# Okabe and Ito's colours, told apart by the colour-blind; markers tell them apart in grey.
-_COLOURS = ("#000000", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#999999")
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+_JPEG_QUALITY = 95
+_CHART_COLOURS = 160
+"""Lines on white need few: two dozen charts would fill megabytes."""
 _LEAST_PERCENT = 0.1
 """Errors below this are drawn at this."""
 _STYLE = """
@@ -87,11 +85,9 @@ def list_breakdowns(breakdowns: Sequence[Row], method: str) -> tuple[list[str], 
 
 
 def _format_page(report: StressReport) -> Iterator[str]:
+    yield begin_page("When to trust which method", _STYLE)
     yield (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width"><link rel="icon" href="data:,">'
-        f"<title>When to trust which method</title><style>{_STYLE}</style></head><body>\n"
-        "<h1>When to trust which method</h1>\n<p>One nuisance at a time, from none to absurd, everything "
+        "<p>One nuisance at a time, from none to absurd, everything "
         f"else fixed. {html.escape('; '.join(report.facts))}.</p>\n"
     )
     methods = list(dict.fromkeys(method for by_method in report.rows.values() for method in by_method))
@@ -118,11 +114,9 @@ def _format_page(report: StressReport) -> Iterator[str]:
         yield "</div>\n"
     for nuisance in dict.fromkeys(name for name, _ in report.rows):
         sets = {name: rows for (of, name), rows in report.rows.items() if of == nuisance}
-        chart = _encode_figure(plot_nuisance(sets, methods))
-        yield (
-            f'<h2>{html.escape(nuisance)}</h2>\n<img alt="Error, bias, refusals and coverage by severity of '
-            f'{html.escape(nuisance)}" src="data:image/png;base64,{chart}">\n'
-        )
+        chart = encode_figure(plot_nuisance(sets, methods), dpi=80, colours=_CHART_COLOURS)
+        shown = f"Error, bias, refusals and coverage by severity of {nuisance}"
+        yield f"<h2>{html.escape(nuisance)}</h2>\n{show_png(chart, shown)}\n"
     yield "</body></html>\n"
 
 
@@ -136,8 +130,7 @@ def plot_nuisance(sets: Mapping[str, Mapping[str, Sequence[Row]]], methods: Sequ
     for panels, (name, by_method) in zip(grid, sets.items(), strict=True):
         first = next(iter(by_method.values()))
         for method, rows in by_method.items():
-            number = methods.index(method)
-            _plot_method(panels, rows, _COLOURS[number % len(_COLOURS)], _MARKERS[number % len(_MARKERS)])
+            _plot_method(panels, rows, *style_of(methods.index(method)))
         panels[0].set(yscale="log", ylabel=f"{name}\nMRE, %", ylim=(_LEAST_PERCENT, None))
         panels[1].set(ylabel="bias, %")
         panels[1].set_yscale("symlog", linthresh=1)
@@ -200,15 +193,5 @@ def _format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Itera
 
 
 def _format_failure(failure: Failure) -> str:
-    _, encoded = cv2.imencode(".jpg", np.ascontiguousarray(failure.image[..., ::-1]))
-    source = base64.b64encode(encoded.tobytes()).decode("ascii")
-    picture = f'<img alt="" src="data:image/jpeg;base64,{source}">'
+    picture = show_jpeg(encode_jpeg(failure.image, _JPEG_QUALITY))
     return f"<figure>{picture}<figcaption>{html.escape(failure.caption)}</figcaption></figure>\n"
-
-
-def _encode_figure(figure: Figure) -> str:
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=80)
-    # Lines on white need few colours: a quarter of the bytes, two dozen times on a page.
-    Image.open(drawn).convert("RGB").quantize(160).save(small, format="PNG", optimize=True)
-    return base64.b64encode(small.getvalue()).decode("ascii")

@@ -1,13 +1,12 @@
 """The nuisances, from none to absurd. A further one is a further entry of NUISANCES."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from laesi_tf.benchmarks.stress import photo_filters
 from laesi_tf.benchmarks.stress.calm_scenes import CALM, LEAF_MM, VIEW_MM, Numbers
 from laesi_tf.benchmarks.stress.stress_photo import StressPhoto
-from laesi_tf.common.errors import InputError
 from laesi_tf.synthesis.paper.params import KIND_NAMES
 
 Filter = Callable[[StressPhoto, float, photo_filters.Rng], StressPhoto]
@@ -24,7 +23,7 @@ class Nuisance:
     labels: tuple[str, ...] = ()
     """What severities are called that are no quantities."""
     of_scene: Callable[[float], Numbers] | None = None
-    """Numbers of the scene; without them, `of_photo` is laid over scenes, too."""
+    """Numbers of the scene; without them, `of_photo` is applied to scenes, too."""
     of_photo: Filter | None = None
     """Without it, photographs are left out."""
 
@@ -226,11 +225,3 @@ NUISANCES = (
         of_photo=photo_filters.bleach_leaf,
     ),
 )
-
-
-def select_nuisances(names: Sequence[str]) -> list[Nuisance]:
-    """Return the nuisances of these names, all without any. Raises InputError."""
-    known = {nuisance.name: nuisance for nuisance in NUISANCES}
-    if unknown := [name for name in names if name not in known]:
-        raise InputError(f"no nuisance is called {unknown[0]!r}; there are {', '.join(known)}")
-    return [known[name] for name in dict.fromkeys(names)] or list(NUISANCES)

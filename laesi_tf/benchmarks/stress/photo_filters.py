@@ -1,4 +1,4 @@
-"""Nuisances that can be laid over any picture, scene or photograph.
+"""Nuisances that can be applied to any picture, scene or photograph.
 
 Each takes a picture, a severity and a random generator and returns the picture with what is true about it
 then. Light is scaled and blurred in linear intensities, since that is where it adds up.

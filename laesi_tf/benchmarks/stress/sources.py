@@ -1,6 +1,5 @@
 """Where pictures come from: calm scenes, or photographs with masks."""
 
-import hashlib
 import zlib
 from collections.abc import Sequence
 from typing import Protocol
@@ -11,7 +10,7 @@ from laesi_tf.benchmarks.stress.calm_scenes import CalmScenes
 from laesi_tf.benchmarks.stress.nuisances import Nuisance
 from laesi_tf.benchmarks.stress.stress_photo import StressPhoto
 from laesi_tf.common.errors import InputError
-from laesi_tf.data.manifest import Photo
+from laesi_tf.data.manifest import Photo, digest_photos
 from laesi_tf.evaluation.photo_scores import load_photo_and_mask
 from laesi_tf.synthesis import SYNTHESIS_VERSION
 from laesi_tf.synthesis.geometry import ImageSize
@@ -26,7 +25,7 @@ class Source(Protocol):
     """The same for the same pictures."""
 
     def has(self, nuisance: Nuisance) -> bool:
-        """Return whether `nuisance` can be laid over these pictures."""
+        """Return whether `nuisance` can be applied to these pictures."""
         ...
 
     def make(self, picture: int, nuisance: Nuisance, step: int) -> StressPhoto:
@@ -44,7 +43,7 @@ class SceneSource:
         self._scenes = CalmScenes(seed=seed, size=size)
 
     def has(self, nuisance: Nuisance) -> bool:
-        """Return True: every nuisance can be laid over scenes."""
+        """Return True: every nuisance can be applied to scenes."""
         return True
 
     def make(self, picture: int, nuisance: Nuisance, step: int) -> StressPhoto:
@@ -66,16 +65,12 @@ class PhotoSource:
         Raises InputError for one without mask or scale, and for one that cannot be read.
         """
         spread = np.linspace(0, len(photos) - 1, min(count, len(photos))).astype(int)
-        self._photos = [_load(photos[index]) for index in spread]
-        self.count, self._seed = len(self._photos), seed
-        digest = hashlib.sha256()
-        for photo in self._photos:
-            digest.update(photo.image.tobytes() + photo.mask.tobytes())
-            digest.update(repr((photo.area_cm2, photo.px_per_mm, photo.grid_mm)).encode())
-        self.digest = digest.hexdigest()[:16]
+        chosen = [photos[index] for index in spread]
+        self._photos = [_load(photo) for photo in chosen]
+        self.count, self._seed, self.digest = len(chosen), seed, digest_photos(chosen)
 
     def has(self, nuisance: Nuisance) -> bool:
-        """Return whether `nuisance` can be laid over a photo."""
+        """Return whether `nuisance` can be applied to a photo."""
         return nuisance.of_photo is not None
 
     def make(self, picture: int, nuisance: Nuisance, step: int) -> StressPhoto:

@@ -1,4 +1,4 @@
-"""A picture of known area that nuisances are laid over."""
+"""A picture of known area that nuisances are applied to."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,8 @@
 """Decide whether a reading of a ruling is believed: TensorFlow on scalars, so that an exported graph refuses
 the same photos for the same reasons."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import tensorflow as tf
 
@@ -82,7 +84,12 @@ def decide_refusal(
             Refusal.NAMED_UNCERTAIN,
         ),
     ]
-    code = tf.constant(Refusal.NONE, tf.int32)
+    return choose_first(reasons, Refusal.NONE)
+
+
+def choose_first(reasons: Sequence[tuple[tf.Tensor, int]], otherwise: int) -> tf.Tensor:
+    """Return the code of the first of `reasons`, (whether it applies, code), or `otherwise`; int32 scalar."""
+    code = tf.constant(otherwise, tf.int32)
     for applies, reason in reversed(reasons):
         code = tf.where(applies, tf.constant(reason, tf.int32), code)
     return code
