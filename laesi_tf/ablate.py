@@ -48,7 +48,8 @@ def main(arguments: Sequence[str]) -> None:
     from laesi_tf.synthesis.presets import enable_all_components
     from laesi_tf.synthesis.ranges_toml import ranges_to_toml
 
-    variants = ablation.list_variants(options.ranges, options.components)
+    groups = ablation.read_groups(options.ranges, options.components)
+    variants = ablation.list_variants(options.ranges, groups)
     tasks = list(dict.fromkeys(options.tasks))
     ablation.require_labels(tasks, sets)
     base = load_ranges(options.ranges)
@@ -63,8 +64,7 @@ def main(arguments: Sequence[str]) -> None:
     complete = enable_all_components(base).with_passes(1)
 
     def measure_costs() -> dict[str, MedianIqr]:
-        scene = {"seed": 0, "size": options.size}
-        return measure_component_cost(complete, repeats=_COST_REPEATS, components=options.components, **scene)
+        return measure_component_cost(complete, groups, repeats=_COST_REPEATS, seed=0, size=options.size)
 
     print(f"{len(tasks) * len(variants) * options.seeds} networks")
     rows = ablation.run_ablation(runner, tasks, variants, range(options.seeds), measure_costs)
@@ -85,7 +85,11 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--ranges", default="phone", metavar="PRESET|FILE", help="scenes with all components")
     parser.add_argument(
-        "--components", nargs="+", default=[], metavar="NAME", help="only these components (default: all)"
+        "--components",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="only these components, or groups: NAME=COMPONENT+COMPONENT (default: each component)",
     )
     parser.add_argument("--seeds", type=positive_int, default=3, metavar="N", help="trainings of each scene")
     parser.add_argument("--steps", type=positive_int, default=300, metavar="N", help="steps of each training")

@@ -18,7 +18,7 @@ from laesi_tf.training.config import TrainConfig
 
 
 def test_each_component_is_removed_and_alone() -> None:
-    variants = ablation.list_variants("phone")
+    variants = ablation.list_variants("phone", ablation.read_groups("phone"))
     base = load_ranges("phone").list_enabled_components()
     by_name = {(variant.change, variant.component): variant for variant in variants}
     assert len(variants) == len(by_name) == 2 * (len(base) - 1) + 2
@@ -28,7 +28,19 @@ def test_each_component_is_removed_and_alone() -> None:
     assert set(base) - set(by_name["without", "coin"].ranges.list_enabled_components()) == {"coin"}
     assert by_name["only", "coin"].reference == ablation.BARE
     with pytest.raises(InputError, match="no component 'snow'"):
-        ablation.list_variants("phone", ["snow"])
+        ablation.read_groups("phone", ["weather=coin+snow"])
+
+
+def test_groups_change_together() -> None:
+    groups = ablation.read_groups("phone", ["things=coin+pen", "jpeg"])
+    assert groups == {"things": ("coin", "pen"), "jpeg": ("jpeg",)}
+    by_name = {
+        (variant.change, variant.component): set(variant.ranges.list_enabled_components())
+        for variant in ablation.list_variants("phone", groups)
+    }
+    assert by_name["only", "things"] == {"coin", "pen", "empty_sheet"}
+    everything = set(load_ranges("phone").list_enabled_components())
+    assert everything - by_name["without", "things"] == {"coin", "pen"}
 
 
 def test_interval_is_that_of_student() -> None:

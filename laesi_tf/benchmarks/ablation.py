@@ -1,8 +1,8 @@
 """Worth against cost of every component of a scene.
 
-A network is trained on scenes without one component, and on the barest scenes with that one alone; both are
-compared, seed by seed, with networks trained on all components and on none. Errors are those on photographs,
-where components are meant to help, with all else as in `evaluate`.
+A network is trained on scenes without one component (or group of them), and on the barest scenes with that
+alone; both are compared, seed by seed, with networks trained on all components and on none. Errors are those
+on photographs, where components are meant to help, with all else as in `evaluate`.
 """
 
 import dataclasses
@@ -53,7 +53,7 @@ class Variant:
     """Scenes with some components left out."""
 
     component: str
-    """The component that is removed or alone; ALL or BARE for the two references."""
+    """The component or group that is removed or alone; ALL or BARE for the two references."""
     change: str
     """`without`, `only`, or empty for the references."""
     ranges: Ranges
@@ -69,25 +69,42 @@ class Variant:
         return ALL if self.change == "without" else BARE
 
 
-def list_variants(ranges: str, components: Sequence[str] = ()) -> list[Variant]:
-    """Return the variants of a preset or file: all, none, and each component removed and alone.
+def read_groups(ranges: str, arguments: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
+    """Return the components that change together, by the group's name; without `arguments`, each on its own.
 
-    With `components`, only these; raises InputError for one that the ranges lack. Empty sheets stay as they
-    are: they are no part of what an image looks like.
+    An argument is a component, or `NAME=COMPONENT+COMPONENT...`. Raises InputError for a component that the
+    ranges lack. Empty sheets stay as they are: they are no part of what an image looks like.
     """
+    known = _list_components(load_ranges(ranges))
+    groups = {}
+    for argument in arguments or known:
+        name, _, members = argument.rpartition("=")
+        groups[name or argument] = tuple(members.split("+"))
+    for component in (component for members in groups.values() for component in members):
+        if component not in known:
+            raise InputError(
+                f"scenes of {ranges} have no component {component!r}; they have {', '.join(known)}"
+            )
+    return groups
+
+
+def list_variants(ranges: str, groups: Mapping[str, Sequence[str]]) -> list[Variant]:
+    """Return the variants of a preset or file: all, none, and each group of components removed and alone."""
     base = load_ranges(ranges)
-    known = [name for name in base.list_enabled_components() if name != "empty_sheet"]
-    if unknown := [name for name in components if name not in known]:
-        raise InputError(f"scenes of {ranges} have no component {unknown[0]!r}; they have {', '.join(known)}")
+    known = _list_components(base)
 
     def leave_out(names: Sequence[str]) -> Ranges:
         return dataclasses.replace(base, without=base.without | set(names))
 
     variants = [Variant(ALL, "", base), Variant(BARE, "", leave_out(known))]
-    for name in dict.fromkeys(components) or known:
-        variants.append(Variant(name, "without", leave_out([name])))
-        variants.append(Variant(name, "only", leave_out([one for one in known if one != name])))
+    for name, members in groups.items():
+        variants.append(Variant(name, "without", leave_out(members)))
+        variants.append(Variant(name, "only", leave_out([one for one in known if one not in members])))
     return variants
+
+
+def _list_components(ranges: Ranges) -> list[str]:
+    return [name for name in ranges.list_enabled_components() if name != "empty_sheet"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,22 +16,22 @@ from laesi_tf.synthesis import COMPONENTS, Ranges, synthesise
 
 def measure_component_cost(
     ranges: Ranges,
+    groups: Mapping[str, Sequence[str]] | None = None,
     *,
     repeats: int,
     seed: int,
     size: tuple[int, int],
     images: int = 48,
-    components: Sequence[str] = (),
 ) -> dict[str, MedianIqr]:
     """Measure the CPU microseconds per image of each component: all components less all but this one.
 
-    `ranges` has all components in every image; with `components`, only these are measured. The time is that
+    `ranges` has all components in every image; with `groups`, these are measured instead. The time is that
     of all threads of this process, so other processes matter little. Each image is rendered in all ways in
     succession, since the differences are smaller than a processor's drift within a second. One repeat is the
     median of `images`.
     """
-    names = [name for name in COMPONENTS if ranges.has(name) and (not components or name in components)]
-    reduced = [dataclasses.replace(ranges, without=ranges.without | {name}) for name in names]
+    groups = groups or {name: (name,) for name in COMPONENTS if ranges.has(name)}
+    reduced = [dataclasses.replace(ranges, without=ranges.without | set(group)) for group in groups.values()]
     renderers = [
         trace_renderer(variant, seed=seed, size=size)
         for variant in progress_bar([ranges, *reduced], desc="tracing", unit="component")
@@ -41,7 +41,7 @@ def measure_component_cost(
         indices = range(repeat * images, (repeat + 1) * images)
         times = np.array([_measure_cpu_us(renderers, index) for index in indices])
         medians.append(np.median(times[:, :1] - times[:, 1:], axis=0))
-    return {name: MedianIqr.of(costs) for name, costs in zip(names, np.transpose(medians), strict=True)}
+    return {name: MedianIqr.of(costs) for name, costs in zip(groups, np.transpose(medians), strict=True)}
 
 
 def trace_renderer(ranges: Ranges, *, seed: int, size: tuple[int, int]) -> Callable[[tf.Tensor], Sample]:
