@@ -10,13 +10,12 @@ import keras
 from experiments import datasets
 from experiments.datasets import PhotoSplits
 from experiments.experiment_specs import Job, job_config
-from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.paths import MEASURED, MIXTURE, SETTINGS
 from laesi_tf.common.atomic_files import read_json, write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.easy_leaf_area import EasyLeafArea
-from laesi_tf.estimators.keras_networks import make_area_estimator
+from laesi_tf.estimators.keras_networks import MaskOnlyEstimator, make_area_estimator
 from laesi_tf.evaluation.photo_scores import score_photos, summarise
 from laesi_tf.models.saved_model import Run, load_run
 from laesi_tf.training import run_directory

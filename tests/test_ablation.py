@@ -82,6 +82,6 @@ def test_command_trains_each_once_and_writes_table_and_chart(
     with pytest.raises(InputError, match="other settings"):
         ablate.main([*arguments, "--size", "64"])
     without = make_photo_set(tmp_path / "b")("image,area_cm2\na.png,0.181\n")
-    with pytest.raises(InputError, match=r"a\.png needs a mask and px_per_mm"):
+    with pytest.raises(InputError, match=r"a\.png needs a mask for task mask"):
         ablate.main(["--photos", str(without), "--out", str(tmp_path / "other")])
     assert not (tmp_path / "other").exists()

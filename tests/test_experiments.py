@@ -16,13 +16,13 @@ from scenes import only
 from experiments import datasets, experiment_specs, paths, runner
 from experiments import run as command
 from experiments.experiment_specs import Job, load_experiments, plan_jobs
-from experiments.mask_only_estimator import MaskOnlyEstimator
 from experiments.run import main
 from laesi_tf.common.errors import InputError
 from laesi_tf.data import dataset_spec
 from laesi_tf.data.dataset_spec import DatasetSpec
 from laesi_tf.data.mixture import load_mixture
 from laesi_tf.estimators.base import Estimator
+from laesi_tf.estimators.keras_networks import MaskOnlyEstimator
 from laesi_tf.synthesis import Ranges, load_ranges
 from laesi_tf.training import loop, trainer
 

@@ -2,7 +2,8 @@
 
 A network is trained on scenes without one component (or group of them), and on the barest scenes with that
 alone; both are compared, seed by seed, with networks trained on all components and on none. Errors are those
-on photographs, where components are meant to help, with all else as in `evaluate`.
+on photographs, where components are meant to help: those of the area and ruling estimators, and of the mask
+network alone, since refinement hides what a network has learned.
 """
 
 import dataclasses
@@ -23,6 +24,7 @@ from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.manifest import Photo
 from laesi_tf.estimators.base import Estimator
 from laesi_tf.estimators.factory import load_estimator
+from laesi_tf.estimators.keras_networks import MaskOnlyEstimator, load_run_of
 from laesi_tf.evaluation.photo_scores import score_photos, summarise
 from laesi_tf.synthesis import Ranges, load_ranges
 from laesi_tf.synthesis.ranges_toml import ranges_to_toml
@@ -39,11 +41,18 @@ COLUMNS = (
 Row = dict[str, Any]
 """One component, changed one way, for one task, set and metric, by COLUMNS."""
 
-_METRICS = {"area": ("mre",), "mask": ("mre", "miou"), "ruling": ("scale_median", "refused_share")}
-"""What the photos say about a network of each task: percent, a fraction, percent and a fraction."""
+_METRICS = {"area": ("mre",), "mask": ("mpe", "miou"), "ruling": ("scale_median", "refused_share")}
+"""What the photos say about a network of each task: percent; two fractions; percent and a fraction."""
+
+
+def _load_mask_only(path: Path) -> MaskOnlyEstimator:
+    run = load_run_of("mask", path)
+    return MaskOnlyEstimator(run.model, run.spec.size)
+
+
 _ESTIMATORS: Mapping[str, Callable[[Path], Estimator]] = {
     "area": lambda run: load_estimator(run),
-    "mask": lambda run: load_estimator(mask_run=run, has_known_scale=True),
+    "mask": _load_mask_only,
     "ruling": lambda run: load_estimator(ruling_run=run),
 }
 
@@ -147,8 +156,8 @@ class AblationRunner:
 def require_labels(tasks: Sequence[str], sets: Mapping[str, Sequence[Photo]]) -> None:
     """Raise InputError for photos that say nothing about a network of one of `tasks`."""
     for photo in (photo for photos in sets.values() for photo in photos):
-        if "mask" in tasks and (photo.mask is None or photo.px_per_mm is None):
-            raise InputError(f"photo {photo.name} needs a mask and px_per_mm for task mask")
+        if "mask" in tasks and photo.mask is None:
+            raise InputError(f"photo {photo.name} needs a mask for task mask")
         if "ruling" in tasks and photo.px_per_mm is None:
             raise InputError(f"photo {photo.name} needs px_per_mm for task ruling")
 

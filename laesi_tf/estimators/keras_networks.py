@@ -12,13 +12,36 @@ import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.errors import InputError
+from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.estimators.area_estimator import AreaEstimator
+from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo
 from laesi_tf.estimators.mask_estimator import MaskEstimator
 from laesi_tf.estimators.ruling.ruling_graph import RulingGraph
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.models.area_network import to_area_cm2
 from laesi_tf.models.inference import compile_inference
 from laesi_tf.models.saved_model import Run, load_run
+
+
+class MaskOnlyEstimator:
+    """A mask network without refinement, for the paper's mIoU and mask pixel error; it refuses the area.
+
+    The mask estimator that measures photos zooms in on leaves and refines their edges, which would hide what
+    a network has learned.
+    """
+
+    def __init__(self, model: keras.Model, size: tuple[int, int]) -> None:
+        """Take a model [B, h, w, 3] in 0..255 -> leaf probability [B, h, w, 1]; `size` is (h, w)."""
+        self._size = size
+        self._predict = compile_inference(model, size)
+
+    def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:
+        """Implement `Estimator.measure`: the mask is where the network's probability is at least one half."""
+        small, letterbox = letterbox_image(image, self._size)
+        probability = letterbox.crop_and_resize_back(self._predict(small[np.newaxis])[0, ..., 0])
+        return Measurement(
+            method="mask network", mask=probability >= 0.5, refusal="a mask alone has no scale"
+        )
 
 
 def make_area_estimator(model: keras.Model, input_size: tuple[int, int], transform: str) -> AreaEstimator:

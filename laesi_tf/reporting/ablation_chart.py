@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 _LABELS = {
     "mre": "MRE, points",
+    "mpe": "MPE",
     "miou": "mIoU",
     "scale_median": "median error of the scale, points",
     "refused_share": "share refused",
