@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 from green import LEAF, PAPER, mask_network
+from scipy import ndimage
 
+from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.estimators.base import PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.keras_networks import make_mask_estimator
+from laesi_tf.estimators.leaf_candidates import extract_candidates, remove_duplicates
 from laesi_tf.estimators.leaf_detector import LeafDetector
 from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX, PhotoPyramid
 from laesi_tf.models.inference import compile_inference
@@ -58,6 +61,55 @@ def test_leaves_of_different_size() -> None:
     assert [leaf.area_cm2 for leaf in leaves] == pytest.approx(
         [np.pi * 23**2 / 100, np.pi * 6**2 / 100], rel=0.02
     )
+
+
+def test_a_leaf_that_crops_of_several_miss_is_found_by_its_colour() -> None:
+    """Of the two leaves, the network sees the second one only where the first is out of sight."""
+    network = compile_inference(mask_network(SIZE), SIZE)
+
+    def see_one(images: np.ndarray) -> np.ndarray:
+        probability = network(images).copy()
+        for one in probability:
+            labels, count = ndimage.label(one[..., 0] > 0.5)
+            sizes = ndimage.sum(labels > 0, labels, range(1, count + 1))
+            if count > 1:
+                one[labels != 1 + np.argmax(sizes)] = 0
+        return probability
+
+    image = draw_sheet([(300, 350, 200), (600, 900, 60)])
+    found = LeafDetector(see_one, SIZE).find_leaves(PhotoPyramid(image))
+    assert [round(candidate.length) for candidate in found] == pytest.approx([400, 120], abs=8)
+    image[np.hypot(*(np.mgrid[:900, :1200] - np.array([600, 900])[:, None, None])) < 60] = (40, 40, 60)
+    assert len(LeafDetector(see_one, SIZE).find_leaves(PhotoPyramid(image))) == 1
+
+
+def test_neighbours_that_merge_in_one_crop_are_kept_apart() -> None:
+    image = draw_sheet([(300, 300, 200), (300, 710, 200)])
+    pyramid = PhotoPyramid(image)
+    network = compile_inference(mask_network(SIZE), SIZE)
+    detector = LeafDetector(network, SIZE)
+    apart = detector.find_leaves(pyramid)
+    assert len(apart) == 2
+    small, letterbox = letterbox_image(image, SIZE)
+    blurred = ndimage.maximum_filter(network(small[np.newaxis])[0, ..., 0], (1, 3))
+    (merged,) = extract_candidates(pyramid, pyramid.overview, blurred, letterbox, 0.5, apart[0].params)
+    assert len(remove_duplicates([merged, *apart])) == 1
+    assert remove_duplicates([merged, *apart, *apart]) == apart
+
+
+def test_ink_that_only_tiles_show_is_no_leaf() -> None:
+    network = compile_inference(mask_network(SIZE), SIZE)
+
+    def see_dark(images: np.ndarray) -> np.ndarray:
+        dark = (images.mean(axis=-1, keepdims=True) < 120).astype(np.float32)
+        return np.maximum(network(images), dark)
+
+    image = draw_sheet([])
+    image[::8] = (240, 200, 190)
+    image[440:446, 600:640] = (30, 30, 30)
+    assert LeafDetector(see_dark, SIZE).find_leaves(PhotoPyramid(image)) == []
+    image[440:446, 600:640] = LEAF
+    assert len(LeafDetector(see_dark, SIZE).find_leaves(PhotoPyramid(image))) == 1
 
 
 def test_small_fragments_are_no_leaves() -> None:

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from laesi_tf.common.arrays import Points
-from laesi_tf.estimators.leaf_outline import LeafOutlineParams
+from laesi_tf.estimators.mask_estimator import MaskEstimatorParams
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
-from laesi_tf.estimators.uncounted_things import UncountedThingsParams, count_uncounted
+from laesi_tf.estimators.uncounted_things import count_uncounted
 
 GREEN, BROWN, YELLOW = (60, 110, 40), (120, 80, 40), (200, 170, 60)
-PARAMS, SHAPES = UncountedThingsParams(), LeafOutlineParams()
+PARAMS = MaskEstimatorParams()
 
 
 def draw_sheet() -> np.ndarray:
@@ -32,7 +32,7 @@ def draw_leaf(
 
 
 def count(sheet: np.ndarray, leaves: list[Points], outline: Points | None = None) -> int:
-    return count_uncounted(PhotoPyramid(sheet), leaves, outline, PARAMS, SHAPES)
+    return count_uncounted(PhotoPyramid(sheet), leaves, outline, PARAMS)
 
 
 @pytest.mark.parametrize("colour", [GREEN, BROWN, YELLOW])

@@ -1,15 +1,16 @@
 """Candidates for leaves: connected components of a network's mask in a crop of the photo."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.arrays import FloatMap, Mask, Points
-from laesi_tf.common.geometry import pixel_centres
+from laesi_tf.common.geometry import ImageSize, from_cv2_contour, pixel_centres
 from laesi_tf.data.letterbox import Letterbox
+from laesi_tf.estimators.leaf_colour import LeafColourParams
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 
@@ -18,6 +19,7 @@ from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 class LeafDetectorParams:
     """Parameters of the leaf detector."""
 
+    colour: LeafColourParams = field(default_factory=LeafColourParams)
     leaf_probability: float = parameter(0.5, unit="probability")
     """Above it a pixel of a crop is leaf."""
     overview_probability: float = parameter(0.2, unit="probability")
@@ -44,6 +46,10 @@ class LeafDetectorParams:
     """Boxes with more overlap show the same component."""
     duplicate_cover: float = parameter(0.4, unit="share of its pixels")
     """A candidate of which a larger one covers more is the same leaf."""
+    merged_cover: float = parameter(
+        0.9, unit="share of its pixels", set_on="semi-real photos with pasted leaves, 2026-11-30"
+    )
+    """A candidate of which smaller ones cover as much may be several leaves."""
     max_rounds: int = parameter(5, unit="crops of one place")
     """Attempts to zoom in on a component."""
     max_crops: int = parameter(160, unit="crops")
@@ -67,7 +73,13 @@ class LeafDetectorParams:
     min_area_of_median: float = parameter(
         0.2, unit="median leaf area", set_on="sheets with punch holes and pen strokes, 2026-11-25"
     )
-    """The same for candidates from tiles and from colour, where marks come close to small leaves."""
+    """The same for candidates from tiles and from colour where marks come close to small leaves."""
+    max_colour_difference: float = parameter(
+        20.0,
+        unit="CIELAB",
+        set_on="semi-real photos with pasted leaves, rendered (split develop); 2026-11-30",
+    )
+    """Largest difference of a further leaf's median colour from that of one that was found."""
     min_crop_px: int = parameter(448, unit="pixels", set_on="twice the network's input, 2026-11-25")
     """Longer side of a crop at least, where the photo has as many pixels."""
     max_crop_px: int = parameter(896, unit="pixels", set_on="what leaf edges need, 2026-11-25")
@@ -93,6 +105,12 @@ class LeafCandidate:
     """Parameters of the detector that found it."""
 
     @property
+    def pixel_size(self) -> Points:
+        """Width and height (x, y) of a pixel of the network's input in photo pixels."""
+        size: Points = self.crop.pixel_size / self.letterbox.scale
+        return size
+
+    @property
     def length(self) -> float:
         """Longer side of the box in photo pixels."""
         return float((self.box[1] - self.box[0]).max())
@@ -105,8 +123,7 @@ class LeafCandidate:
     @property
     def area(self) -> float:
         """Area of the component in photo pixels."""
-        pixel = self.crop.pixel_size / self.letterbox.scale
-        return float(np.count_nonzero(self.component) * pixel.prod())
+        return float(np.count_nonzero(self.component) * self.pixel_size.prod())
 
     def own_probability(self) -> FloatMap:
         """Return `probability` with all other components set to 0."""
@@ -124,6 +141,11 @@ class LeafCandidate:
         is_large[np.unique(labels[_dilate(self.component)])] = False
         return is_large[labels]
 
+    def is_cut_off(self, photo: ImageSize) -> bool:
+        """Return whether its box reaches a side of the photo."""
+        pixel = self.pixel_size
+        return bool((self.box[0] <= pixel).any() or (self.box[1] >= photo.xy - pixel).any())
+
     def contains(self, points: Points) -> Mask:
         """Return whether photo pixels `points` [N, 2] lie on the component: bool [N]."""
         column, row = np.floor(self.letterbox.to_input_points(self.crop.from_photo(points))).astype(int).T
@@ -131,9 +153,23 @@ class LeafCandidate:
         is_inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
         return is_inside & self.component[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
 
+    def count_alike(self, candidates: Sequence["LeafCandidate"]) -> int:
+        """Return how many of `candidates` have almost the same box."""
+        return sum(
+            largest_iou(self.box, other.box[np.newaxis]) > self.params.duplicate_iou for other in candidates
+        )
+
     def pixel_centres(self) -> Points:
         """Return the centres [N, 2] of the component's pixels in photo pixels."""
         return self.crop.to_photo(self.letterbox.to_photo_points(pixel_centres(self.component)))
+
+    def outline(self) -> Points:
+        """Return the outer contour [N, 2] of the component in photo pixels."""
+        contours, _ = cv2.findContours(
+            self.component.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+        )
+        longest = from_cv2_contour(max(contours, key=len))
+        return self.crop.to_photo(self.letterbox.to_photo_points(longest))
 
     def is_covered_by(self, others: Sequence["LeafCandidate"]) -> bool:
         """Return whether most of the component lies on one of `others`."""
@@ -188,13 +224,41 @@ def _locate(
 
 
 def remove_duplicates(candidates: Sequence[LeafCandidate]) -> list[LeafCandidate]:
-    """Return `candidates`, largest first, without small fragments and without parts of larger ones."""
+    """Return `candidates`, largest first, without small fragments and without parts of larger ones.
+
+    Neighbours that merge in fewer crops than show them apart are kept apart.
+    """
     kept: list[LeafCandidate] = []
-    for candidate in sorted(candidates, key=lambda candidate: -candidate.area):
+    ordered = sorted(candidates, key=lambda candidate: -candidate.area)
+    for index, candidate in enumerate(ordered):
         is_fragment = bool(kept) and candidate.area < candidate.params.min_area_of_largest * kept[0].area
-        if not is_fragment and not candidate.is_covered_by(kept):
+        if (
+            not is_fragment
+            and not candidate.is_covered_by(kept)
+            and not _is_merged(candidate, ordered[index + 1 :], candidates)
+        ):
             kept.append(candidate)
     return kept
+
+
+def _is_merged(
+    candidate: LeafCandidate, smaller: Sequence[LeafCandidate], candidates: Sequence[LeafCandidate]
+) -> bool:
+    """Return whether more crops show two or more of the `smaller` candidates in place of `candidate`."""
+    params, pixel = candidate.params, candidate.pixel_size
+    least, most = (share * candidate.area for share in (params.min_area_of_median, params.duplicate_iou))
+    start, end = candidate.box[0] - pixel, candidate.box[1] + pixel
+    count = candidate.count_alike(candidates)
+    parts: list[LeafCandidate] = []
+    for part in smaller:
+        is_part = least <= part.area <= most and (part.box[0] >= start).all() and (part.box[1] <= end).all()
+        if is_part and part.count_alike(candidates) > count and not part.is_covered_by(parts):
+            parts.append(part)
+    if len(parts) < 2:
+        return False
+    centres = candidate.pixel_centres()
+    covered = np.any([part.contains(centres) for part in parts], axis=0)
+    return bool(covered.mean() >= params.merged_cover)
 
 
 def square_around(box: Points, side: float) -> Points:

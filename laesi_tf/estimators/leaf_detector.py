@@ -24,6 +24,7 @@ from laesi_tf.estimators.leaf_candidates import (
     square_around,
     stack_boxes,
 )
+from laesi_tf.estimators.leaf_colour import find_leaf_colour
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 
 MaskPredictor = Callable[[NDArray[np.uint8]], NDArray[np.float32]]
@@ -52,15 +53,19 @@ class LeafDetector:
         probability = self._predict(overview[np.newaxis])[0, ..., 0]
         components = self._extract(pyramid, probability, letterbox, params.overview_probability)
         found = remove_duplicates(self._zoom_in(pyramid, components, params.first_crop_of_photo * longer))
-        if found:
-            typical = float(np.median([candidate.length for candidate in found]))
-            found = self._add_leaves_by_colour(pyramid, found)
-            if typical < params.tiled_below * longer:
-                found = self._add_leaves_from_tiles(pyramid, found, typical)
-        else:
+        if not found:
             found = self._add_leaves_from_tiles(pyramid, found, params.blank_overview_leaf * longer)
-            found = self._add_leaves_by_colour(pyramid, found)
-        return found[:1] + self._confirm_at_lower_zoom(pyramid, found[1:])
+            found = self._add_leaves_by_contrast(pyramid, found)
+            found = found[:1] + self._confirm_at_lower_zoom(pyramid, found[1:])
+            # What only tiles show may be ink.
+            colour = find_leaf_colour(pyramid, [leaf.outline() for leaf in found], params.colour)
+            return [leaf for leaf in found if colour.is_leaf(leaf.outline())]
+        typical = float(np.median([candidate.length for candidate in found]))
+        found = self._add_leaves_by_contrast(pyramid, found)
+        if typical < params.tiled_below * longer:
+            found = self._add_leaves_from_tiles(pyramid, found, typical)
+        found = found[:1] + self._confirm_at_lower_zoom(pyramid, found[1:])
+        return self._add_leaves_by_colour(pyramid, found)
 
     def _extract(
         self, pyramid: PhotoPyramid, values: FloatMap, letterbox: Letterbox, threshold: float
@@ -69,17 +74,38 @@ class LeafDetector:
         components = extract_candidates(pyramid, pyramid.overview, values, letterbox, threshold, self._params)
         return [component.box for component in components]
 
-    def _add_leaves_by_colour(self, pyramid: PhotoPyramid, found: list[LeafCandidate]) -> list[LeafCandidate]:
-        """Add leaves whose colour differs from the sheet's; of a single leaf nothing is added.
+    def _add_leaves_by_contrast(
+        self, pyramid: PhotoPyramid, found: list[LeafCandidate]
+    ) -> list[LeafCandidate]:
+        """Add leaves that stand out from the sheet; of a single leaf nothing is added.
 
         The network misses some of several leaves in one crop.
         """
         if len(found) < 2:
             return found
         overview, letterbox = pyramid.letterbox_overview(self._input_size)
-        marked = self._segment_by_colour(overview, letterbox)
+        marked = self._segment_by_contrast(overview, letterbox)
         more = self._zoom_in(pyramid, self._extract(pyramid, marked, letterbox, 0.5), 0.0)
         return remove_duplicates(found + self._drop_small(more, found))
+
+    def _add_leaves_by_colour(self, pyramid: PhotoPyramid, found: list[LeafCandidate]) -> list[LeafCandidate]:
+        """Add leaves, also small ones, of the colour of those `found`, which other things seldom have.
+
+        What the photo cuts off is none: desks and rulers end there.
+        """
+        outlines = [candidate.outline() for candidate in found]
+        colour = find_leaf_colour(pyramid, outlines, self._params.colour)
+        boxes = colour.find_boxes()
+        if not boxes:
+            return found
+        leaves = np.stack([colour.median_within(outline) for outline in outlines])
+
+        def looks_like_leaf(candidate: LeafCandidate) -> bool:
+            difference = leaves - colour.median_within(candidate.outline())
+            is_alike = np.linalg.norm(difference, axis=1).min() < self._params.max_colour_difference
+            return bool(is_alike) and not candidate.is_cut_off(pyramid.size)
+
+        return remove_duplicates(found + list(filter(looks_like_leaf, self._zoom_in(pyramid, boxes, 0.0))))
 
     def _add_leaves_from_tiles(
         self, pyramid: PhotoPyramid, found: list[LeafCandidate], typical: float
@@ -95,7 +121,7 @@ class LeafDetector:
         more = self._zoom_in(pyramid, boxes, self._params.first_crop_of_leaf * typical)
         return remove_duplicates(found + self._drop_small(more, found))
 
-    def _segment_by_colour(self, overview: RgbImage, letterbox: Letterbox) -> FloatMap:
+    def _segment_by_contrast(self, overview: RgbImage, letterbox: Letterbox) -> FloatMap:
         """Return 1 where `overview`, uint8 [h, w, 3], differs in colour from the sheet, else 0: float32."""
         side = min(_MAX_MEDIAN_SIDE, min(letterbox.extent) // 3 | 1)
         difference = cv2.absdiff(overview, cv2.medianBlur(overview, side)).max(axis=2)

@@ -10,6 +10,7 @@ from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.geometry import polygon_area
 from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams
+from laesi_tf.estimators.leaf_colour import find_leaf_colour
 from laesi_tf.estimators.leaf_detector import LeafDetector, MaskPredictor
 from laesi_tf.estimators.leaf_outline import (
     LeafOutline,
@@ -86,19 +87,23 @@ class MaskEstimator:
         outlines = [outline for outline in outlined if outline is not None]
         if len(outlines) > 1:
             leaves = [outline for outline in outlines if not looks_made(outline.polygon.outer, params)]
-            outlines = _leave_out_coins(leaves or outlines, params)
+            outlines = self._leave_out_coins(leaves or outlines, pyramid)
         contours = [outline.polygon.outer for outline in outlines]
         boxes = np.array([[contour.min(axis=0), contour.max(axis=0)] for contour in contours])
         return [outlines[index] for index in sort_in_reading_order(boxes.reshape(-1, 2, 2))]
 
-
-def _leave_out_coins(outlines: list[LeafOutline], params: LeafOutlineParams) -> list[LeafOutline]:
-    """Return `outlines` without the round ones that are smaller than the largest of the others."""
-    areas = [abs(polygon_area(outline.polygon.outer)) for outline in outlines]
-    is_coin = [looks_like_coin(outline.polygon.outer, params) for outline in outlines]
-    largest = max((area for area, coin in zip(areas, is_coin, strict=True) if not coin), default=0.0)
-    return [
-        outline
-        for outline, area, coin in zip(outlines, areas, is_coin, strict=True)
-        if not coin or area >= largest
-    ]
+    def _leave_out_coins(self, outlines: list[LeafOutline], pyramid: PhotoPyramid) -> list[LeafOutline]:
+        """Return `outlines` without coins: round, not green, and smaller than the largest of the others."""
+        params = self.params.outline
+        contours = [outline.polygon.outer for outline in outlines]
+        is_coin = [looks_like_coin(contour, params) for contour in contours]
+        if not any(is_coin):
+            return outlines
+        areas = [abs(polygon_area(contour)) for contour in contours]
+        largest = max((area for area, coin in zip(areas, is_coin, strict=True) if not coin), default=0.0)
+        colour = find_leaf_colour(pyramid, contours, self.params.detector.colour)
+        return [
+            outline
+            for outline, area, coin in zip(outlines, areas, is_coin, strict=True)
+            if not coin or area >= largest or colour.is_green(outline.polygon.outer)
+        ]

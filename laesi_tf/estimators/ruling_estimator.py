@@ -25,8 +25,9 @@ from laesi_tf.estimators.ruling.judge import SheetReading
 from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
+from laesi_tf.estimators.sheet_colour import SheetColourParams, is_surrounded_by_sheet
 from laesi_tf.estimators.sheet_map import UniformScale
-from laesi_tf.estimators.uncounted_things import UncountedThingsParams, count_uncounted
+from laesi_tf.estimators.uncounted_things import count_uncounted
 
 METHOD = "ruling x silhouette"
 GUESS = "regression, no ruling read"
@@ -44,11 +45,11 @@ class RulingEstimatorParams:
 
     mask: MaskEstimatorParams = field(default_factory=MaskEstimatorParams)
     ruling: RulingReaderParams = field(default_factory=RulingReaderParams)
-    uncounted: UncountedThingsParams = field(default_factory=UncountedThingsParams)
+    sheet: SheetColourParams = field(default_factory=SheetColourParams)
     on_sheet: float = parameter(
         0.5, unit="share of the leaf", set_on="rendered (split develop) and cases, 2026-11-29"
     )
-    """A leaf lies on the ruled sheet with at least so much of its area."""
+    """A leaf lies on the ruled part of a sheet with at least so much of its area."""
     lift_mm: float = parameter(0.2, unit="mm", set_on="thickness of a fresh leaf that lies flat")
     """Height of the leaf's upper side above the paper."""
     lift_sd_mm: float = parameter(0.05, unit="mm", set_on=UNCERTAINTY_SET)
@@ -106,7 +107,7 @@ class RulingEstimator:
             sheet = reading_sheet.result()
         if sheet.camera is None:
             return self._measure_without_ruling(outlines, sheet, pyramid)
-        on_sheet = [outline for outline in outlines if self._lies_on(sheet.outline, outline)]
+        on_sheet = [outline for outline in outlines if self._lies_on(sheet.outline, outline, pyramid)]
         mask = paint_masks((outline.placed_mask for outline in on_sheet), pyramid.photo)
         if not on_sheet:
             return Measurement(
@@ -121,9 +122,7 @@ class RulingEstimator:
         if len(on_sheet) < len(outlines):
             notes.append(OFF_SHEET.format(count=len(outlines) - len(on_sheet)))
         contours = [outline.polygon.outer for outline in outlines]
-        if uncounted := count_uncounted(
-            pyramid, contours, sheet.outline, self.params.uncounted, self.params.mask.outline
-        ):
+        if uncounted := count_uncounted(pyramid, contours, sheet.outline, self.params.mask):
             notes.append(UNCOUNTED.format(count=uncounted))
         return Measurement(
             method=METHOD,
@@ -134,13 +133,19 @@ class RulingEstimator:
             note="; ".join(notes) or None,
         )
 
-    def _lies_on(self, sheet_outline: Points | None, outline: LeafOutline) -> bool:
-        """Return whether a leaf lies on the ruled sheet, of which `sheet_outline` [N, 2] is convex."""
-        if sheet_outline is None:
+    def _lies_on(self, sheet: Points | None, outline: LeafOutline, pyramid: PhotoPyramid) -> bool:
+        """Return whether a leaf lies on the sheet, whose ruled part has the convex outline `sheet` [N, 2]."""
+        if sheet is None:
             return True
-        hull = cv2.convexHull(outline.polygon.outer.astype(np.float32))
-        shared, _ = cv2.intersectConvexConvex(hull, sheet_outline.astype(np.float32))
-        return shared >= self.params.on_sheet * cv2.contourArea(hull)
+        leaf = outline.polygon.outer
+        hull = cv2.convexHull(leaf.astype(np.float32))
+        shared, _ = cv2.intersectConvexConvex(hull, sheet.astype(np.float32))
+        if shared >= self.params.on_sheet * cv2.contourArea(hull):
+            return True
+        # A wedge of desk between the sheet and the photo's border is surrounded by paper, too.
+        return not outline.is_cut_off and is_surrounded_by_sheet(
+            pyramid.overview, leaf, sheet, self.params.sheet
+        )
 
     def _measure_leaf(self, outline: LeafOutline, camera: SheetCamera) -> LeafMeasurement:
         """Measure a leaf through the camera, corrected for its height above the paper."""

@@ -1,0 +1,152 @@
+"""Things that have the colour of leaves: compared with the sheet, as light and white balance change both.
+
+The mask network misses some leaves beside a larger one. A photo of one leaf shows coins, notes and pens as
+well, so colour does not suffice to count a thing as leaf; but it suffices to look closer, and to say so.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from laesi_tf.common.arrays import FloatMap, Mask, Points, RgbImage
+from laesi_tf.common.geometry import pixel_centres, polygon_area, to_cv2_points
+from laesi_tf.estimators.parameters import parameter
+from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid, shrink
+
+_SET_ON = "rendered (split develop), semi-real and phone scenes with pasted leaves, 2026-11-29"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafColourParams:
+    """Parameters of the colour of leaves."""
+
+    side_px: int = parameter(448, unit="pixels", set_on=_SET_ON)
+    """Longer side of the image that is searched."""
+    sheet_window: float = parameter(0.33, unit="share of the shorter side", set_on=_SET_ON)
+    """Side of the window whose median colour is the sheet's."""
+    min_difference: float = parameter(18.0, unit="CIELAB", set_on=_SET_ON)
+    """Least difference of hue and saturation from the sheet: shadows have little of their own."""
+    hues: tuple[float, float] = parameter((50.0, 160.0), unit="degrees", set_on="orange to blue-green")
+    """Hues of the difference in CIELAB: 90 is yellow, 180 green."""
+    green_hues: tuple[float, float] = parameter(
+        (115.0, 160.0), unit="degrees", set_on="coins of rendered (split develop), 2026-11-30"
+    )
+    """The same, of green."""
+    min_green: float = parameter(12.0, unit="CIELAB", set_on=_SET_ON)
+    """Least saturation of what is green."""
+    max_grey: float = parameter(6.0, unit="levels of 255", set_on="JPEG files of grey scans")
+    """Red, green and blue differ at most so much on a photo without colours."""
+    min_area_px: float = parameter(40.0, unit="pixels", set_on=_SET_ON)
+    """Smaller things are print."""
+    min_area: float = parameter(0.05, unit="median leaf's area", set_on=_SET_ON)
+    """The same, relative to the leaves that were found."""
+    found_share: float = parameter(0.2, unit="share of the thing", set_on=_SET_ON)
+    """Of a thing that belongs to a leaf that was found, at least so much lies on it or close to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeafColour:
+    """Where a photo has the colour of leaves."""
+
+    crop: Crop
+    """The whole photo in few pixels."""
+    lab: FloatMap
+    """float32 [h, w, 3], CIELAB relative to the sheet, as if that were white."""
+    marked: Mask
+    """bool [h, w], True where it is a leaf's."""
+    near_found: Mask
+    """bool [h, w], True on the leaves that were found, and close to them."""
+    least_px: float
+    """Smaller things are print."""
+    params: LeafColourParams
+    """Parameters it was found with."""
+
+    def median_within(self, outline: Points) -> NDArray[np.float32]:
+        """Return the median of `lab` [3] within `outline` [n, 2], photo pixels."""
+        inside = np.zeros(self.crop.size, np.uint8)
+        cv2.fillPoly(inside, [to_cv2_points(self.crop.from_photo(outline))], 1)
+        return np.median(self.lab[inside > 0], axis=0)
+
+    def is_green(self, outline: Points) -> bool:
+        """Return whether most within `outline` [n, 2], photo pixels, is green."""
+        return self._has_hue(outline, self.params.green_hues, self.params.min_green)
+
+    def is_leaf(self, outline: Points) -> bool:
+        """Return whether most within `outline` [n, 2], photo pixels, has the colour of leaves.
+
+        Everything has it on a photo without colours.
+        """
+        return self.is_grey or self._has_hue(outline, self.params.hues, self.params.min_difference)
+
+    @property
+    def is_grey(self) -> bool:
+        """Whether the photo has no colours."""
+        return bool(np.percentile(np.ptp(self.crop.image, axis=2), 99.9) <= self.params.max_grey)
+
+    def _has_hue(self, outline: Points, hues: tuple[float, float], least: float) -> bool:
+        _, a, b = self.median_within(outline)
+        low, high = hues
+        return bool(low < np.degrees(np.arctan2(b, a)) < high and np.hypot(a, b) > least)
+
+    def find_things(self, within: Mask | None = None) -> list[Mask]:
+        """Return the things, bool [h, w], that are none of the leaves that were found.
+
+        With `within`, bool [h, w], they are only looked for there.
+        """
+        marked = self.marked if within is None else self.marked & within
+        _, labels, statistics, _ = cv2.connectedComponentsWithStats(marked.astype(np.uint8))
+        large = np.flatnonzero(statistics[1:, cv2.CC_STAT_AREA] >= self.least_px) + 1
+        things = (labels == label for label in large)
+        return [thing for thing in things if self.near_found[thing].mean() < self.params.found_share]
+
+    def find_boxes(self) -> list[Points]:
+        """Return the boxes [[left, top], [right, bottom]] of such things, photo pixels."""
+        centres = (pixel_centres(thing) for thing in self.find_things())
+        return [
+            self.crop.to_photo(np.stack([points.min(axis=0) - 0.5, points.max(axis=0) + 0.5]))
+            for points in centres
+        ]
+
+
+def find_leaf_colour(pyramid: PhotoPyramid, found: Sequence[Points], params: LeafColourParams) -> LeafColour:
+    """Find where a photo differs from the sheet, the median of what lies around, towards yellow or green.
+
+    `found` are outlines [n, 2] of leaves, photo pixels: the sheet is what lies around them.
+    """
+    crop = shrink(pyramid.overview, params.side_px)
+    outlines = [crop.from_photo(leaf) for leaf in found]
+    areas = [abs(polygon_area(outline)) for outline in outlines]
+    least_px = max(params.min_area_px, params.min_area * float(np.median(areas or [0.0])))
+    leaves = np.zeros(crop.size, np.uint8)
+    cv2.fillPoly(leaves, [to_cv2_points(outline) for outline in outlines], 1)
+    near = cv2.dilate(leaves, np.ones((7, 7), np.uint8)) > 0
+    side = min(255, int(params.sheet_window * min(crop.size)) | 1)
+    # OpenCV's large windows need 8 bits.
+    channels = cv2.split(_fill_from_around(crop.image, near))
+    sheet = np.dstack([cv2.medianBlur(channel, side) for channel in channels])
+    # Relative to the sheet, as if in white light.
+    relative = cv2.blur(crop.image, (3, 3)).astype(np.float32) / np.maximum(sheet, 1)
+    lab = cv2.cvtColor(np.minimum(relative, 1), cv2.COLOR_RGB2LAB)
+    _, a, b = cv2.split(lab)
+    chroma, hue = np.hypot(a, b), np.degrees(np.arctan2(b, a))
+    low, high = params.hues
+    marked = ((chroma > params.min_difference) & (hue > low) & (hue < high)).astype(np.uint8)
+    opened = cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return LeafColour(crop, lab, opened > 0, near, least_px, params)
+
+
+def _fill_from_around(image: RgbImage, hidden: Mask) -> RgbImage:
+    """Return `image`, uint8 [h, w, 3], with the mean of what lies around where `hidden`, bool [h, w]."""
+    visible = (~hidden).astype(np.float32)[..., np.newaxis]
+    filled, side = image.copy(), 31
+    # Wider and wider, until a window reaches beyond the largest leaf.
+    while hidden.any() and side < 2 * max(hidden.shape):
+        weight = cv2.blur(visible, (side, side))
+        mean = cv2.blur(image * visible, (side, side)) / np.maximum(weight, 1e-6)[..., np.newaxis]
+        reached = hidden & (weight > 0.1)
+        filled[reached] = mean[reached].astype(np.uint8)
+        hidden, side = hidden & ~reached, 2 * side + 1
+    return filled

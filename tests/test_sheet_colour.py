@@ -1,0 +1,44 @@
+"""Leaves beyond the lines that were read: on the sheet's paper or on the desk."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from laesi_tf.estimators.photo_pyramid import PhotoPyramid
+from laesi_tf.estimators.sheet_colour import SheetColourParams, is_surrounded_by_sheet
+
+PARAMS = SheetColourParams()
+PAPER, WOOD = np.array([232.0, 226, 214]), np.array([150.0, 100, 60])
+RULED = np.array([[0.0, 0], [500, 0], [500, 900], [0, 900]])
+"""The ruled part that was read: the left of the sheet, which goes on to x = 1,000."""
+
+
+def draw_photo(light: np.ndarray) -> np.ndarray:
+    image = np.empty((900, 1200, 3))
+    image[:, :1000], image[:, 1000:] = PAPER, WOOD
+    image[::9, :1000] *= 0.85
+    image[:, :1000:9] *= 0.85
+    return np.clip(image * light * np.linspace(1, 0.75, 1200)[:, None], 0, 255).astype(np.uint8)
+
+
+def draw_leaf(image: np.ndarray, x: float) -> np.ndarray:
+    """Return the outline of a leaf at `x`, y = 450."""
+    turns = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    outline = np.stack([x + 60 * np.cos(turns), 450 + 90 * np.sin(turns)], axis=1)
+    rows, columns = np.mgrid[:900, :1200]
+    image[((columns - x) / 60) ** 2 + ((rows - 450) / 90) ** 2 < 1] = (60, 110, 40)
+    return outline
+
+
+@given(x=st.floats(580, 880), light=st.tuples(*[st.floats(0.6, 1.05)] * 3))
+def test_paper_around_a_leaf_is_known_in_any_light(x: float, light: tuple[float, ...]) -> None:
+    image = draw_photo(np.array(light))
+    leaf = draw_leaf(image, x)
+    assert is_surrounded_by_sheet(PhotoPyramid(image).overview, leaf, RULED, PARAMS)
+
+
+@given(x=st.floats(1000, 1130))
+def test_a_leaf_on_the_desk_is_not_on_the_sheet(x: float) -> None:
+    image = draw_photo(np.ones(3))
+    leaf = draw_leaf(image, x)
+    assert not is_surrounded_by_sheet(PhotoPyramid(image).overview, leaf, RULED, PARAMS)
