@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
-from laesi_tf.estimators.sheet_colour import SheetColourParams, is_surrounded_by_sheet
+from laesi_tf.estimators.sheet_colour import SheetColour, SheetColourParams
 
 PARAMS = SheetColourParams()
 PAPER, WOOD = np.array([232.0, 226, 214]), np.array([150.0, 100, 60])
@@ -30,15 +30,18 @@ def draw_leaf(image: np.ndarray, x: float) -> np.ndarray:
     return outline
 
 
+def measure_likeness(image: np.ndarray, leaf: np.ndarray) -> float:
+    return SheetColour(PhotoPyramid(image).overview, RULED, PARAMS).measure_likeness(leaf)
+
+
 @given(x=st.floats(580, 880), light=st.tuples(*[st.floats(0.6, 1.05)] * 3))
 def test_paper_around_a_leaf_is_known_in_any_light(x: float, light: tuple[float, ...]) -> None:
     image = draw_photo(np.array(light))
-    leaf = draw_leaf(image, x)
-    assert is_surrounded_by_sheet(PhotoPyramid(image).overview, leaf, RULED, PARAMS)
+    assert measure_likeness(image, draw_leaf(image, x)) > PARAMS.least_share
 
 
 @given(x=st.floats(1000, 1130))
 def test_a_leaf_on_the_desk_is_not_on_the_sheet(x: float) -> None:
     image = draw_photo(np.ones(3))
-    leaf = draw_leaf(image, x)
-    assert not is_surrounded_by_sheet(PhotoPyramid(image).overview, leaf, RULED, PARAMS)
+    likeness = measure_likeness(image, draw_leaf(image, x))
+    assert likeness < (PARAMS.least_share_within if x > 1100 else PARAMS.least_share)

@@ -143,8 +143,8 @@ class LeafCandidate:
 
     def is_cut_off(self, photo: ImageSize) -> bool:
         """Return whether its box reaches a side of the photo."""
-        pixel = self.pixel_size
-        return bool((self.box[0] <= pixel).any() or (self.box[1] >= photo.xy - pixel).any())
+        margin = 2 * self.pixel_size
+        return bool((self.box[0] <= margin).any() or (self.box[1] >= photo.xy - margin).any())
 
     def contains(self, points: Points) -> Mask:
         """Return whether photo pixels `points` [N, 2] lie on the component: bool [N]."""

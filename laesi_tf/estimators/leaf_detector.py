@@ -91,14 +91,15 @@ class LeafDetector:
     def _add_leaves_by_colour(self, pyramid: PhotoPyramid, found: list[LeafCandidate]) -> list[LeafCandidate]:
         """Add leaves, also small ones, of the colour of those `found`, which other things seldom have.
 
-        What the photo cuts off is none: desks and rulers end there.
+        What the photo cuts off is none and shows no leaf's colour: desks and rulers end there.
         """
+        whole = [candidate.outline() for candidate in found if not candidate.is_cut_off(pyramid.size)]
         outlines = [candidate.outline() for candidate in found]
         colour = find_leaf_colour(pyramid, outlines, self._params.colour)
         boxes = colour.find_boxes()
-        if not boxes:
+        if not boxes or not whole:
             return found
-        leaves = np.stack([colour.median_within(outline) for outline in outlines])
+        leaves = np.stack([colour.median_within(outline) for outline in whole])
 
         def looks_like_leaf(candidate: LeafCandidate) -> bool:
             difference = leaves - colour.median_within(candidate.outline())

@@ -20,12 +20,12 @@ from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, Phot
 from laesi_tf.estimators.leaf_outline import UNCERTAINTY_SET, LeafOutline, paint_masks
 from laesi_tf.estimators.mask_estimator import NO_LEAF, MaskEstimator, MaskEstimatorParams
 from laesi_tf.estimators.parameters import parameter
-from laesi_tf.estimators.photo_pyramid import PhotoPyramid
+from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 from laesi_tf.estimators.ruling.judge import SheetReading
 from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
-from laesi_tf.estimators.sheet_colour import SheetColourParams, is_surrounded_by_sheet
+from laesi_tf.estimators.sheet_colour import SheetColour, SheetColourParams
 from laesi_tf.estimators.sheet_map import UniformScale
 from laesi_tf.estimators.uncounted_things import count_uncounted
 
@@ -107,7 +107,7 @@ class RulingEstimator:
             sheet = reading_sheet.result()
         if sheet.camera is None:
             return self._measure_without_ruling(outlines, sheet, pyramid)
-        on_sheet = [outline for outline in outlines if self._lies_on(sheet.outline, outline, pyramid)]
+        on_sheet = self._find_on_sheet(outlines, sheet.outline, pyramid.overview)
         mask = paint_masks((outline.placed_mask for outline in on_sheet), pyramid.photo)
         if not on_sheet:
             return Measurement(
@@ -133,19 +133,26 @@ class RulingEstimator:
             note="; ".join(notes) or None,
         )
 
-    def _lies_on(self, sheet: Points | None, outline: LeafOutline, pyramid: PhotoPyramid) -> bool:
-        """Return whether a leaf lies on the sheet, whose ruled part has the convex outline `sheet` [N, 2]."""
-        if sheet is None:
-            return True
-        leaf = outline.polygon.outer
-        hull = cv2.convexHull(leaf.astype(np.float32))
-        shared, _ = cv2.intersectConvexConvex(hull, sheet.astype(np.float32))
-        if shared >= self.params.on_sheet * cv2.contourArea(hull):
-            return True
-        # A wedge of desk between the sheet and the photo's border is surrounded by paper, too.
-        return not outline.is_cut_off and is_surrounded_by_sheet(
-            pyramid.overview, leaf, sheet, self.params.sheet
-        )
+    def _find_on_sheet(
+        self, outlines: list[LeafOutline], sheet: Points | None, overview: Crop
+    ) -> list[LeafOutline]:
+        """Return the leaves on the sheet, whose ruled part has the convex outline `sheet` [N, 2]."""
+        if sheet is None or not outlines:
+            return outlines
+        params, colour = self.params, SheetColour(overview, sheet, self.params.sheet)
+
+        def lies_on(outline: LeafOutline) -> bool:
+            leaf = outline.polygon.outer
+            hull = cv2.convexHull(leaf.astype(np.float32))
+            shared, _ = cv2.intersectConvexConvex(hull, sheet.astype(np.float32))
+            is_within = shared >= params.on_sheet * cv2.contourArea(hull)
+            # A wedge of desk between the sheet and the photo's border is surrounded by paper, too.
+            if not is_within and outline.is_cut_off:
+                return False
+            least = params.sheet.least_share_within if is_within else params.sheet.least_share
+            return not colour.measure_likeness(leaf) < least
+
+        return [outline for outline in outlines if lies_on(outline)]
 
     def _measure_leaf(self, outline: LeafOutline, camera: SheetCamera) -> LeafMeasurement:
         """Measure a leaf through the camera, corrected for its height above the paper."""
