@@ -60,7 +60,7 @@ def main(arguments: Sequence[str]) -> None:
     runner = ablation.AblationRunner(
         out=options.out, config=TrainConfig(**recipe), sets=sets, settings=settings
     )
-    runner.check_settings()
+    runner.read_networks()
     complete = enable_all_components(base).with_passes(1)
 
     def measure_costs() -> dict[str, MedianIqr]:

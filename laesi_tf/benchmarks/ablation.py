@@ -8,6 +8,7 @@ network alone, since refinement hides what a network has learned.
 
 import dataclasses
 import json
+import shutil
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,12 +33,14 @@ from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.loop import fit
 
 ALL, BARE = "all components", "no component"
-_RANGES_FILE, _SCORES_FILE, _SETTINGS_FILE = "scene.toml", "scores.json", "ablation.json"
+_RANGES_FILE, _NETWORKS_FILE = "scene.toml", "networks.json"
 
 COLUMNS = (
     *("task", "component", "change", "seeds", "set", "metric", "value", "difference", "low", "high", "us"),
 )
 """Columns of ablation.csv."""
+Scores = Mapping[str, Mapping[str, float | int | None]]
+"""Metrics of one network by set of photos and name."""
 Row = dict[str, Any]
 """One component, changed one way, for one task, set and metric, by COLUMNS."""
 
@@ -118,7 +121,11 @@ def _list_components(ranges: Ranges) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class AblationRunner:
-    """Trains and measures the variants in the folder `out`; what is there already is not repeated."""
+    """Trains and measures the variants in the folder `out`; what is there already is not repeated.
+
+    The file networks.json is all that is needed to continue: of the networks themselves, which are as many as
+    they are poor, only their errors are kept.
+    """
 
     out: Path
     config: TrainConfig
@@ -128,29 +135,38 @@ class AblationRunner:
     settings: Mapping[str, Any]
     """What all of its results depend on."""
 
-    def check_settings(self) -> None:
-        """Raise InputError if `out` holds results of other settings."""
-        path = self.out / _SETTINGS_FILE
-        if path.is_file() and read_json(path) != json.loads(json.dumps(self.settings)):
+    def read_networks(self) -> dict[str, Scores]:
+        """Return the scores of the networks so far. Raises InputError if they are of other settings."""
+        path = self.out / _NETWORKS_FILE
+        if not path.is_file():
+            return {}
+        content = read_json(path)
+        if content["settings"] != json.loads(json.dumps(self.settings)):
             raise InputError(f"{self.out} holds an ablation with other settings; name another --out")
+        networks: dict[str, Scores] = content["networks"]
+        return networks
 
-    def run(self, task: str, variant: Variant, seed: int) -> Mapping[str, Mapping[str, float | None]]:
+    def run(self, task: str, variant: Variant, seed: int) -> Scores:
         """Return the metrics of one network by set. Raises InputError; a stopped training continues."""
-        folder = self.out / task / variant.folder / f"seed{seed}"
-        scores = folder / _SCORES_FILE
-        if not scores.is_file():
+        networks = self.read_networks()
+        name = f"{task}/{variant.folder}/seed{seed}"
+        if name not in networks:
+            folder = self.out / name
             scene = folder.parent / _RANGES_FILE
             write_text(scene, ranges_to_toml(variant.ranges))
             config = dataclasses.replace(self.config, task=task, seed=seed, ranges=str(scene.resolve()))
             fit(config, folder, show_progress=False)
-            # Not earlier: a wrong setting must not make the folder useless.
-            write_json(self.out / _SETTINGS_FILE, self.settings)
             estimator = _ESTIMATORS[task](folder)
-            write_json(scores, {name: summarise(score_photos(estimator, p)) for name, p in self.sets.items()})
+            summaries = {key: summarise(score_photos(estimator, photos)) for key, photos in self.sets.items()}
+            networks[name] = {
+                key: {metric: summary[metric] for metric in _METRICS[task]}
+                for key, summary in summaries.items()
+            }
+            write_json(self.out / _NETWORKS_FILE, {"settings": self.settings, "networks": networks})
+            shutil.rmtree(folder)
             # Dozens of networks with their graphs would fill the memory.
             keras.utils.clear_session()
-        found: Mapping[str, Mapping[str, float | None]] = read_json(scores)
-        return found
+        return networks[name]
 
 
 def require_labels(tasks: Sequence[str], sets: Mapping[str, Sequence[Photo]]) -> None:
