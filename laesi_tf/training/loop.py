@@ -4,29 +4,24 @@ Step k always gets samples k * batch_size up to (k + 1) * batch_size of its stre
 continues on the same curve as one that was not.
 """
 
-import itertools
-import math
 import sys
 import time
 from collections.abc import Callable
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import tensorflow as tf
 from tqdm import tqdm
 
-from laesi_tf.common.atomic_files import atomic_write, require_writable, write_json
+from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.interrupts import defer_interrupt
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.run_files import (
-    BEST_MODEL_FILE,
     CONFIG_FILE,
     METRICS_FILE,
     STATE_FILE,
     TENSORBOARD_FOLDER,
 )
-from laesi_tf.models import batch_norm
 from laesi_tf.reporting.run_report import SYNTHETIC_SCENES
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.device_synthesis import AUTO
@@ -42,16 +37,14 @@ from laesi_tf.training.run_directory import (
     record_steps,
     restore_state,
     save_state,
-    write_history,
 )
 from laesi_tf.training.run_summary import TrainingResult, load_result, summarise_best_network
 from laesi_tf.training.schedules import learning_rate_at
 from laesi_tf.training.tasks import make_task
 from laesi_tf.training.trainer import Batches, TrainedStep, Trainer, TrainingDiverged, train_steps
+from laesi_tf.training.validation import Validation
 
 _STOPPING = "stopping after this step; press Ctrl-C again to stop at once"
-_CALIBRATION_IMAGES = 512
-"""Batch normalisation is recalibrated on this many training images."""
 
 
 class TrainingInterrupted(KeyboardInterrupt):
@@ -134,6 +127,7 @@ class TrainingLoop:
     ) -> None:
         self.config, self.out, self.trainer = config, out, trainer
         self.progress, self.stream, self.validation = progress, stream, validation
+        self._validation = Validation(config, out, trainer, validation, stream)
         self._saved_step = progress.step
 
     def run(self, *, show_progress: bool) -> None:
@@ -216,43 +210,8 @@ class TrainingLoop:
             progress.timed_seconds += time.monotonic() - started
 
     def _validate(self) -> dict[str, float]:
-        """Evaluate the network, keep it if it is the best so far; return the history's new row."""
-        self.trainer.recalibrate(lambda: self._calibration_batches)
-        arrays, task = self.trainer.evaluate(self.validation), self.trainer.task
-        metrics, loss = task.aggregate(arrays), float(arrays["loss"][0])
-        if not math.isfinite(metrics[task.main_metric] + loss):
-            raise TrainingDiverged(
-                f"training diverged: the validation metrics are not finite at step {self.progress.step}"
-            )
-        row = self._make_row(loss, metrics)
-        progress, ranking_score = self.progress, task.ranking_score(metrics)
-        is_best = progress.best_merit is None or ranking_score > progress.best_merit
-        if is_best:
-            with atomic_write(self.out / BEST_MODEL_FILE) as temporary:
-                self.trainer.model.save(temporary)
-        write_history(self.out, [*progress.history, row])
-        # Progress changes after the files: a validation that Ctrl-C cuts short is repeated from the last
-        # checkpoint.
-        progress.stale += 1
-        if is_best:
-            progress.best_merit, progress.best_step, progress.stale = ranking_score, progress.step, 0
-        progress.loss_sum = progress.timed_seconds = 0.0
-        progress.loss_count = progress.timed_steps = 0
-        progress.history.append(row)
-        return row
-
-    def _make_row(self, validation_loss: float, metrics: dict[str, float]) -> dict[str, float]:
-        progress = self.progress
-        images = progress.timed_steps * self.config.batch_size
-        return {
-            "step": progress.step,
-            "minutes": progress.seconds / 60.0,
-            "learning_rate": learning_rate_at(progress.step - 1, self.config),
-            "train_loss": progress.mean_loss,
-            "val_loss": validation_loss,
-            **{f"val_{name}": value for name, value in metrics.items()},
-            "images_per_s": images / progress.timed_seconds if images else math.nan,
-        }
+        """Validate the network after the last step; return the history's new row."""
+        return self._validation.run(self.progress)
 
     def _format_progress(self) -> str:
         """Return the mean loss since the last validation, and what that validation found."""
@@ -277,12 +236,6 @@ class TrainingLoop:
             f"stopped at step {step}, saved up to step {self._saved_step}; "
             "the same command continues from there"
         )
-
-    @cached_property
-    def _calibration_batches(self) -> list[tf.Tensor]:
-        count = -(-_CALIBRATION_IMAGES // self.config.batch_size)
-        batches = (images for images, _ in itertools.islice(self.stream(0), count))
-        return batch_norm.calibration_batches(batches, _CALIBRATION_IMAGES)
 
     def _add_advice(self, reason: str) -> TrainingDiverged:
         rate = learning_rate_at(self.progress.step, self.config)
