@@ -26,6 +26,9 @@ AUGMENTATION_NAMES = (
     "gaussian",
     "poisson",
 )
+NONE, MIRRORED, MULTI_WORKER = STRATEGIES = ("none", "mirrored", "multi-worker")
+"""What trains: one device, all devices of a machine, or those of several. No part of the configuration, as it
+changes no result."""
 _AUGMENTATION_SETS = ("all", "paper")
 
 

@@ -11,10 +11,9 @@ from laesi_tf.common.atomic_files import atomic_write
 from laesi_tf.common.run_files import BEST_MODEL_FILE
 from laesi_tf.models import batch_norm
 from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.input_pipeline import BatchStream
 from laesi_tf.training.run_directory import TrainingProgress, write_history
 from laesi_tf.training.schedules import learning_rate_at
-from laesi_tf.training.trainer import Trainer, TrainingDiverged
+from laesi_tf.training.trainer import BatchStream, Trainer, TrainingDiverged
 
 _CALIBRATION_IMAGES = 512
 """Batch normalisation is recalibrated on this many training images."""
