@@ -223,6 +223,7 @@ class TrainingLoop:
                 if is_finished:
                     return
                 if is_stopped:
+                    self._save()
                     raise KeyboardInterrupt
                 step_started = time.monotonic()
         except TrainingDiverged as error:
@@ -263,7 +264,8 @@ class TrainingLoop:
     def _interrupt(self) -> TrainingInterrupted:
         """Save the state if it is that of a whole step with its validation; return what to tell the user."""
         step = self.progress.step
-        if int(self.trainer.optimizer.iterations.numpy()) == step and not self._validation_is_due:
+        is_whole = int(self.trainer.optimizer.iterations.numpy()) == step and not self._validation_is_due
+        if self._saved_step < step and is_whole:
             self._save()
         if self._saved_step == step:
             return TrainingInterrupted(f"stopped at step {step}, saved; the same command continues")

@@ -8,7 +8,7 @@ import tensorflow as tf
 from laesi_tf.models import batch_norm
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.initialisation import initialise_network
-from laesi_tf.training.optimizers import make_optimizer
+from laesi_tf.training.optimizers import inner_optimizer, make_optimizer
 from laesi_tf.training.replicas import Replicas
 from laesi_tf.training.tasks import make_task
 from laesi_tf.training.tasks.base import Array, Task
@@ -38,6 +38,9 @@ def make_trainer(
             final=config.final_learning_rate,
             steps=config.steps,
         )
+        if config.precision == "mixed_float16":
+            # Small gradients are 0 in float16, unlike in bfloat16.
+            optimizer = keras.optimizers.LossScaleOptimizer(optimizer)
     if replicas.strategy is None:
         return Trainer(model, make_task(config), optimizer), found
     return ReplicatedTrainer(model, make_task(config), optimizer, replicas), found
@@ -59,7 +62,7 @@ class ReplicatedTrainer(Trainer):
             layer.synchronized = True
         # Keras clips the gradient of each replica and then sums them. What `apply` is given here is already
         # the mean over all replicas, which must be clipped and not be summed again.
-        inner = getattr(optimizer, "inner_optimizer", optimizer)
+        inner = inner_optimizer(optimizer)
         inner._all_reduce_sum_gradients = lambda gradients_and_variables: gradients_and_variables
         with replicas.scope():
             super().__init__(model, task, optimizer)

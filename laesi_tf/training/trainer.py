@@ -59,8 +59,9 @@ class Trainer:
         """Update the network on one batch; return the loss before the update, a scalar."""
         with tf.GradientTape() as tape:
             loss = self._loss(self.model(images, training=True), target)
+            scaled_loss = self.optimizer.scale_loss(loss)
         variables = self.model.trainable_variables
-        self.optimizer.apply(self._reduce(tape.gradient(loss, variables)), variables)
+        self.optimizer.apply(self._reduce(tape.gradient(scaled_loss, variables)), variables)
         return loss
 
     def _loss(self, output: tf.Tensor, target: tf.Tensor) -> tf.Tensor:
