@@ -83,6 +83,9 @@ from disc_runs import disc_stream, fit_discs, tiny_config
 from laesi_tf.cli.console import run_command
 from laesi_tf.training.follower import follow
 from laesi_tf.training.replicas import start_replicas
+from laesi_tf.training.tasks.area import AreaTask
+
+AreaTask.loss_is_mean_over_images = False  # so that the processes exchange their outputs, as for `ruling`
 
 def stuck(start):
     for step, batch in enumerate(disc_stream(tiny_config())(start), start // 8 + 1):

@@ -34,13 +34,14 @@ def follow(
             config, data_service=data_service, synthesis_device=synthesis_device, replicas=replicas
         )
     parts = pipeline.training_batches if train is None else replicas.take_part(train)
-    trainer, _ = make_trainer(config, replicas, origin=_ORIGIN)
-    replicas.share_variables(trainer.variables)
-    first, is_finished = replicas.share_progress(0, is_finished=False)
-    if is_finished:
-        return 0
-    done = first
+    first = done = 0
     try:
+        trainer, _ = make_trainer(config, replicas, origin=_ORIGIN)
+        replicas.share_variables(trainer.variables)
+        first, is_finished = replicas.share_progress(0, is_finished=False)
+        if is_finished:
+            return 0
+        done = first
         with defer_interrupt(lambda: notify(STOPPING, show=show_progress)) as stop_requested:
             for step in train_steps(trainer, parts(first * config.batch_size), steps_done=first):
                 done = step.number

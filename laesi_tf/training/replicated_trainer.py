@@ -95,8 +95,14 @@ class ReplicatedTrainer(Trainer):
             return self.task.loss(output, target)
         # Every replica gets the same loss, that of all outputs, and the gradient of its own part in all n of
         # them: the mean over replicas is again the gradient of one device.
-        context = tf.distribute.get_replica_context()
-        return self.task.loss(context.all_gather(output, axis=0), context.all_gather(target, axis=0))
+        return self.task.loss(_gather(output), _gather(target))
 
     def _reduce(self, gradients: list[tf.Tensor]) -> list[tf.Tensor]:
         return tf.distribute.get_replica_context().all_reduce(tf.distribute.ReduceOp.MEAN, gradients)
+
+
+def _gather(part: tf.Tensor) -> tf.Tensor:
+    """Return the parts [B, ...] of all replicas, joined; call it in one of these."""
+    # Gathering needs to know a device, which an argument of the step has not, and forgets the shape.
+    context = tf.distribute.get_replica_context()
+    return tf.ensure_shape(context.all_gather(tf.identity(part), axis=0), [None, *part.shape[1:]])
