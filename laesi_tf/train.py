@@ -16,7 +16,7 @@ from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.run_files import REPORT_FILE
 from laesi_tf.common.schema import add_option_arguments
-from laesi_tf.training.config import TrainConfig
+from laesi_tf.training.config import STRATEGIES, TrainConfig
 from laesi_tf.training.config_files import config_from_dict, load_config
 from laesi_tf.training.tasks import TASKS
 
@@ -24,19 +24,20 @@ from laesi_tf.training.tasks import TASKS
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError."""
     given = vars(_make_parser().parse_args(arguments))
-    path, out, json_path, data_service, device = (
-        given.pop(name) for name in ("config", "out", "json", "data_service", "synthesis_device")
-    )
+    path, out, json_path, strategy = (given.pop(name) for name in ("config", "out", "json", "strategy"))
+    feeding = {name: given.pop(name) for name in ("data_service", "synthesis_device")}
     config = load_config(path, **given) if path else config_from_dict(given)
     load_tensorflow()
-    from laesi_tf.training.loop import fit
+    from laesi_tf.training.follower import follow
+    from laesi_tf.training.loop import fit, notify
+    from laesi_tf.training.replicas import start_replicas
 
-    result = fit(
-        config,
-        out or Path("runs") / config.task,
-        data_service=data_service,
-        synthesis_device=device,
-    )
+    replicas = start_replicas(strategy, config, notify)
+    if not replicas.is_chief:
+        steps = follow(config, replicas, **feeding)
+        print(f"{steps} steps on {replicas.part.size(config.batch_size)} images each; the chief has the run")
+        return
+    result = fit(config, out or Path("runs") / config.task, replicas=replicas, **feeding)
     print(_format_summary(result.metrics, config, result.path))
     if json_path:
         write_json(json_path, result.metrics)
@@ -60,6 +61,13 @@ def _make_parser() -> argparse.ArgumentParser:
         metavar="auto|cpu|DEVICE",
         help="what renders live scenes: auto is the accelerator where there is one, cpu the processor's "
         "cores; or a device's name, such as GPU:1",
+    )
+    parser.add_argument(
+        "--strategy",
+        choices=STRATEGIES,
+        default=STRATEGIES[0],
+        help="divide each batch among all GPUs of this machine (mirrored) or of all machines that TF_CONFIG "
+        "lists (multi-worker), with the result of one device (default: none)",
     )
     add_option_arguments(parser, TrainConfig)
     return parser

@@ -11,8 +11,8 @@ from laesi_tf.common.run_files import HISTORY_FILE
 from laesi_tf.models.saved_model import load_run
 from laesi_tf.training import loop
 from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.input_pipeline import BatchStream
 from laesi_tf.training.run_summary import TrainingResult
+from laesi_tf.training.trainer import BatchStream
 
 SIZE, BATCH = 32, 8
 

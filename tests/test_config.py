@@ -33,6 +33,7 @@ CHANGED = {
     "transform": "sqrt",
     "loss": "bce",
     "batch_norm": "frozen",
+    "precision": "mixed_bfloat16",
     "ranges": "rendering_1",
     "textures": "leaves",
     "mixture": "mixture.toml",

@@ -127,7 +127,7 @@ def test_a_finished_run_says_so_before_anything_is_built(finished_run, monkeypat
     def refuse(*_, **__):
         raise AssertionError("built for nothing")
 
-    monkeypatch.setattr(loop, "initialise_network", refuse)
+    monkeypatch.setattr(loop, "make_trainer", refuse)
     monkeypatch.setattr(loop, "InputPipeline", refuse)
     again = loop.fit(finished_run.config, finished_run.path)
     assert again.metrics == finished_run.metrics

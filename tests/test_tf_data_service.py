@@ -21,9 +21,11 @@ from laesi_tf import serve
 from laesi_tf.common import network
 from laesi_tf.common.errors import InputError
 from laesi_tf.data import tf_data_service
+from laesi_tf.data.batch_part import BatchPart
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.input_pipeline import InputPipeline
 from laesi_tf.training.loop import fit
+from laesi_tf.training.replicas import Replicas
 
 CONFIG = TrainConfig(
     size=(32, 32), batch_size=4, steps=2, weights="none", augment="flip", validation_pictures=4
@@ -110,6 +112,11 @@ def test_the_stream_equals_that_of_one_machine_also_if_a_worker_dies(machines, t
         if number == 40:
             joined.kill()
         assert_same(expected, received)
+    part = Replicas(part=BatchPart(1, 2))  # of a training in two processes
+    second_half = InputPipeline(config, data_service=address, replicas=part).training_batches(8)
+    whole = InputPipeline(config).training_batches(8)
+    for expected, received in itertools.islice(zip(whole, second_half, strict=False), 3):
+        assert_same(tf.nest.map_structure(lambda values: values[2:], expected), received)
 
 
 def assert_same(expected: tf_data_service.Batch, received: tf_data_service.Batch) -> None:

@@ -39,10 +39,17 @@ def check_reachable(address: str) -> None:
     wait_until_reachable(address, timeout_s=0.0)
 
 
-def wait_until_reachable(address: str, *, timeout_s: float) -> None:
+def wait_until_reachable(
+    address: str,
+    *,
+    timeout_s: float,
+    missing: str = "no data service answers",
+    advice: str = "start one with python -m laesi_tf.serve",
+) -> None:
     """Wait until something listens at `address` (HOST:PORT).
 
-    Raises InputError if nothing does after `timeout_s` seconds; at once if the host is unknown.
+    Raises InputError, which says what is `missing` and gives `advice`, if nothing does after `timeout_s`
+    seconds; at once if the host is unknown.
     """
     target = parse_address(address)
     deadline = time.monotonic() + timeout_s
@@ -52,8 +59,5 @@ def wait_until_reachable(address: str, *, timeout_s: float) -> None:
             return
         except OSError as error:
             if isinstance(error, socket.gaierror) or time.monotonic() >= deadline:
-                raise InputError(
-                    f"no data service answers at {address} ({error.strerror or error}); "
-                    "start one with python -m laesi_tf.serve"
-                ) from error
+                raise InputError(f"{missing} at {address} ({error.strerror or error}); {advice}") from error
         time.sleep(_RETRY_S)

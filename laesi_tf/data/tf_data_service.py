@@ -12,6 +12,7 @@ from typing import Any
 import tensorflow as tf
 
 from laesi_tf.common.network import check_reachable
+from laesi_tf.data.batch_part import WHOLE_BATCH, BatchPart
 from laesi_tf.data.synthetic import TRAIN_INDICES
 
 Batch = tuple[tf.Tensor, Any]
@@ -23,11 +24,12 @@ _MAX_EARLY_BATCHES = 24
 
 
 def receive_batches(
-    make_examples: MakeExamples, address: str, *, batch_size: int, start: int
+    make_examples: MakeExamples, address: str, *, batch_size: int, start: int, part: BatchPart = WHOLE_BATCH
 ) -> Iterator[Batch]:
     """Receive the endless stream of batches of `make_examples` from the dispatcher at `address` (HOST:PORT).
 
-    The first sample is `start`, a multiple of `batch_size`. Raises InputError if nothing listens there.
+    The first sample is `start`, a multiple of `batch_size`; only `part` of each batch is made. Raises
+    InputError if nothing listens there.
     """
     check_reachable(address)
     numbers = tf.data.Dataset.range(start // batch_size, TRAIN_INDICES[1] // batch_size)
@@ -36,11 +38,11 @@ def receive_batches(
         service=f"grpc://{address}",
         compression=None,  # sensor noise does not compress
     )
-    batches = _number_batches(make_examples, numbers, batch_size).apply(distribute)
+    batches = _number_batches(make_examples, numbers, batch_size, part).apply(distribute)
     return reorder_batches(
         ((int(number), batch) for number, batch in batches),
         start // batch_size,
-        lambda number: _render_lost_batch(make_examples, number, batch_size),
+        lambda number: _render_lost_batch(make_examples, number, batch_size, part),
     )
 
 
@@ -58,18 +60,20 @@ def reorder_batches(
 
 
 def _number_batches(
-    make_examples: MakeExamples, numbers: tf.data.Dataset, batch_size: int
+    make_examples: MakeExamples, numbers: tf.data.Dataset, batch_size: int, part: BatchPart
 ) -> tf.data.Dataset:
-    """Make the batches `numbers`: (number, (image [B, H, W, 3], target))."""
+    """Make `part` of the batches `numbers`: (number, (image [B, H, W, 3], target))."""
+    size = part.size(batch_size)
 
     def sample_indices(number: tf.Tensor) -> tf.data.Dataset:
-        return tf.data.Dataset.range(number * batch_size, (number + 1) * batch_size)
+        first = number * batch_size + part.first(batch_size)
+        return tf.data.Dataset.range(first, first + size)
 
-    examples = make_examples(numbers.flat_map(sample_indices)).batch(batch_size)
+    examples = make_examples(numbers.flat_map(sample_indices)).batch(size)
     return examples.map(lambda index, batch: (index[0] // batch_size, batch))
 
 
-def _render_lost_batch(make_examples: MakeExamples, number: int, batch_size: int) -> Batch:
+def _render_lost_batch(make_examples: MakeExamples, number: int, batch_size: int, part: BatchPart) -> Batch:
     numbers = tf.data.Dataset.range(number, number + 1)
-    _, batch = next(iter(_number_batches(make_examples, numbers, batch_size)))
+    _, batch = next(iter(_number_batches(make_examples, numbers, batch_size, part)))
     return batch

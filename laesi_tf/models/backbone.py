@@ -26,6 +26,17 @@ FROM_SCRATCH = "none"
 _DOWNLOAD_TIMEOUT_S = 30.0
 
 
+@contextlib.contextmanager
+def compute_in(precision: str) -> Iterator[None]:
+    """Build layers inside this context that compute in a Keras dtype policy, such as mixed_float16."""
+    before = keras.config.dtype_policy()
+    keras.config.set_dtype_policy(precision)
+    try:
+        yield
+    finally:
+        keras.config.set_dtype_policy(before)
+
+
 def build_backbone(
     kind: str, *, size: tuple[int, int], alpha: float = 1.0, weights: str = "auto"
 ) -> tuple[keras.Model, str]:

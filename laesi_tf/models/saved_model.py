@@ -17,7 +17,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.run_files import BEST_MODEL_FILE, CONFIG_FILE, EXPORTED_WEIGHTS_FILE, require_run
 from laesi_tf.common.schema import check_choice, check_number, read_toml
 from laesi_tf.models.area_network import TRANSFORMS, build_area_network
-from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone
+from laesi_tf.models.backbone import BACKBONES, FROM_SCRATCH, build_backbone, compute_in
 from laesi_tf.models.mask_network import build_mask_network
 from laesi_tf.models.ruling_network import build_ruling_network
 from laesi_tf.models.weights_file import load_weights
@@ -86,13 +86,18 @@ class BuiltNetwork(NamedTuple):
     origin: str
 
 
-def build_network(spec: ModelSpec, *, weights: str = FROM_SCRATCH) -> BuiltNetwork:
+def build_network(
+    spec: ModelSpec, *, weights: str = FROM_SCRATCH, precision: str = "float32"
+) -> BuiltNetwork:
     """Build the network of `spec`, untrained but for the `weights` of its backbone (see `build_backbone`).
 
-    Raises InputError for weights that are not available, or if the task's network has no backbone.
+    The backbone computes in `precision`, a Keras dtype policy; variables and all other layers are float32, as
+    areas and losses need more than the three digits of 16 bits. Raises InputError for weights that are not
+    available, or if the task's network has no backbone.
     """
     if spec.task in HEAD_BUILDERS:
-        base, origin = build_backbone(spec.backbone, size=spec.size, alpha=spec.alpha, weights=weights)
+        with compute_in(precision):
+            base, origin = build_backbone(spec.backbone, size=spec.size, alpha=spec.alpha, weights=weights)
         return BuiltNetwork(HEAD_BUILDERS[spec.task](base, spec), base, origin)
     if weights not in ("auto", FROM_SCRATCH):
         raise InputError(

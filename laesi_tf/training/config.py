@@ -14,6 +14,7 @@ from laesi_tf.training.tasks import TASKS
 BACKBONE_NAMES = ("small", "large", "large_minimalistic")
 OPTIMIZER_NAMES = ("rmsprop", "adam", "adamw", "nadam", "sgd")
 SCHEDULE_NAMES = ("piecewise", "cosine", "exponential", "linear", "constant")
+PRECISION_NAMES = ("float32", "mixed_float16", "mixed_bfloat16")
 TRANSFORM_NAMES = ("log", "sqrt", "none")
 AUGMENTATION_NAMES = (
     "brightness",
@@ -26,6 +27,9 @@ AUGMENTATION_NAMES = (
     "gaussian",
     "poisson",
 )
+NONE, MIRRORED, MULTI_WORKER = STRATEGIES = ("none", "mirrored", "multi-worker")
+"""What trains: one device, all devices of a machine, or those of several. No part of the configuration, as it
+changes no result."""
 _AUGMENTATION_SETS = ("all", "paper")
 
 
@@ -80,6 +84,12 @@ class TrainConfig:
         "statistics recalibrated on training images before every validation, or frozen as pretrained",
         choices=("recalibrated", "frozen"),
     )
+    precision: str = option(
+        "float32",
+        "arithmetic of the backbone: mixed_float16 or mixed_bfloat16 compute in 16 bits, for GPUs; weights, "
+        "head and loss stay in 32",
+        choices=PRECISION_NAMES,
+    )
     ranges: str = option("rendering_2", "scenes: the name of a preset or the PATH of a TOML file of ranges")
     textures: str = option(
         "", "folder of leaf photos whose texture is blended into the synthetic leaves; empty: none"
@@ -120,6 +130,11 @@ class TrainConfig:
             raise InputError(
                 f"task {self.task!r} is trained on live scenes in one light; leave out mixture, augment and "
                 "lighting_passes"
+            )
+        if self.precision != "float32" and not TASKS[self.task].has_backbone:
+            raise InputError(
+                f"precision = {self.precision!r} concerns the backbone, and task {self.task!r} has none; "
+                "leave it out"
             )
         if self.copy_paste and not TASKS[self.task].needs_masks:
             raise InputError(f"copy_paste needs the masks of task 'mask'; leave it out for {self.task!r}")

@@ -47,24 +47,11 @@ def render_batches(
 
     `render` takes an index, int64 [], and `make_examples` the index and its sample.
     """
-
-    def render_example(index: tf.Tensor) -> Example:
-        return make_examples(index, render(index))
-
-    first = tf.constant(start, tf.int64)
-    image, target = tf.nest.map_structure(
-        lambda tensor: tf.TensorSpec(tensor.shape, tensor.dtype),
-        tf.function(render_example).get_concrete_function(first).structured_outputs,
-    )
-
-    @tf.function(autograph=False)
-    def render_batch(first: tf.Tensor) -> Example:
-        indices = first + tf.range(batch_size, dtype=tf.int64)
-        signature = {"fn_output_signature": (image, target), "parallel_iterations": batch_size}
-        return tf.map_fn(render_example, indices, **signature)
+    render_images = _make_batch_renderer(render, make_examples, batch_size)
+    render_batch = tf.function(render_images, autograph=False)
 
     def batches() -> Iterator[Example]:
-        index = first
+        index = tf.constant(start, tf.int64)
         while True:
             with tf.device(device):
                 batch = render_batch(index)
@@ -72,3 +59,58 @@ def render_batches(
             index += batch_size
 
     return batches()
+
+
+def render_on_replicas(
+    strategy: tf.distribute.Strategy,
+    render: Callable[[tf.Tensor], Sample],
+    make_examples: Callable[[tf.Tensor, Sample], Example],
+    *,
+    batch_size: int,
+    start: int,
+) -> Batches:
+    """Yield batches as `render_batches`, each device rendering the part that it trains on.
+
+    An image and its target are distributed values with one part per device of this process.
+    """
+    size = batch_size // strategy.num_replicas_in_sync
+    render_images = _make_batch_renderer(render, make_examples, size)
+
+    def render_part(first: tf.Tensor) -> Example:
+        replica = tf.distribute.get_replica_context().replica_id_in_sync_group
+        return render_images(first + size * tf.cast(replica, tf.int64))
+
+    @tf.function(autograph=False)
+    def render_parts(first: tf.Tensor) -> Example:
+        return strategy.run(render_part, args=(first,))
+
+    def batches() -> Iterator[Example]:
+        index = tf.constant(start, tf.int64)
+        while True:
+            yield render_parts(index)
+            index += batch_size
+
+    return batches()
+
+
+def _make_batch_renderer(
+    render: Callable[[tf.Tensor], Sample],
+    make_examples: Callable[[tf.Tensor, Sample], Example],
+    size: int,
+) -> Callable[[tf.Tensor], Example]:
+    """Return the function from an index, int64 [], to the examples of the `size` indices from it on."""
+
+    def render_example(index: tf.Tensor) -> Example:
+        return make_examples(index, render(index))
+
+    image, target = tf.nest.map_structure(
+        lambda tensor: tf.TensorSpec(tensor.shape, tensor.dtype),
+        tf.function(render_example).get_concrete_function(tf.TensorSpec([], tf.int64)).structured_outputs,
+    )
+
+    def render_images(first: tf.Tensor) -> Example:
+        indices = first + tf.range(size, dtype=tf.int64)
+        signature = {"fn_output_signature": (image, target), "parallel_iterations": size}
+        return tf.map_fn(render_example, indices, **signature)
+
+    return render_images

@@ -25,7 +25,7 @@ def initialise_network(config: TrainConfig, *, origin: str | None = None) -> tup
     source = Path(config.weights)
     continues_run = origin is None and source.is_dir()
     weights = FROM_SCRATCH if continues_run or origin is not None else config.weights
-    built = build_network(ModelSpec.from_config(asdict(config)), weights=weights)
+    built = build_network(ModelSpec.from_config(asdict(config)), weights=weights, precision=config.precision)
     copied_origin = _copy_weights(source, built.model, config) if continues_run else built.origin
     origin = origin or copied_origin
     if config.batch_norm == "frozen":

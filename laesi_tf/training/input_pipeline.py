@@ -9,20 +9,26 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.network import check_reachable
 from laesi_tf.data import synthetic, tf_data_service
 from laesi_tf.data.augmentation import augment_sample, augmentation_flags, parse_augmentations
+from laesi_tf.data.batch_part import WHOLE_BATCH, BatchPart
 from laesi_tf.data.copy_paste import paste_leaves
 from laesi_tf.data.leaf_textures import load_textures
 from laesi_tf.data.mixture import Source, load_mixture, mix_sources
 from laesi_tf.data.sample import Sample
 from laesi_tf.synthesis import load_ranges
 from laesi_tf.training.config import TrainConfig
-from laesi_tf.training.device_synthesis import AUTO, CPU, find_synthesis_device, render_batches
+from laesi_tf.training.device_synthesis import (
+    AUTO,
+    CPU,
+    find_synthesis_device,
+    render_batches,
+    render_on_replicas,
+)
+from laesi_tf.training.replicas import ONE_DEVICE, Replicas
 from laesi_tf.training.tasks import TASKS, make_task
 from laesi_tf.training.trainer import Batches
 
 Example = tuple[tf.Tensor, tf.Tensor]
 """An image and its target, or a batch of each."""
-BatchStream = Callable[[int], Batches]
-"""From the index of the first sample to an endless stream of batches."""
 _VALIDATION_SEED = 0
 """The same for all runs, so that their scores compare; its range of indices separates it from training."""
 
@@ -34,8 +40,20 @@ class InputPipeline:
     a data service that does not answer.
     """
 
-    def __init__(self, config: TrainConfig, *, data_service: str = "", synthesis_device: str = AUTO) -> None:
-        self._config, self._data_service = config, data_service
+    def __init__(
+        self,
+        config: TrainConfig,
+        *,
+        data_service: str = "",
+        synthesis_device: str = AUTO,
+        replicas: Replicas = ONE_DEVICE,
+    ) -> None:
+        self._config, self._data_service, self._replicas = config, data_service, replicas
+        if replicas.strategy is not None and synthesis_device not in (AUTO, CPU):
+            raise InputError(
+                f"with --strategy {replicas.name} each device renders its own part; leave out --strategy or "
+                f"--synthesis-device {synthesis_device}"
+            )
         self._device = find_synthesis_device(synthesis_device)
         if config.mixture and data_service:
             raise InputError("--data-service makes live scenes only; leave out --data-service or --mixture")
@@ -48,6 +66,8 @@ class InputPipeline:
                     "--mixture, --lighting-passes and --data-service"
                 )
             self._device = None
+        if config.copy_paste and replicas.strategy is not None:
+            self._device = None  # leaves are pasted from one half of the batch onto the other
         if data_service:
             check_reachable(data_service)
         self._ranges = make_task(config).choose_ranges(load_ranges(config.ranges))
@@ -55,29 +75,46 @@ class InputPipeline:
         self._sources = self._open_mixture()
 
     def training_batches(self, start: int) -> Batches:
-        """Return the endless stream of batches whose first sample has the index `start`."""
-        config = self._config
+        """Return the endless stream of batches whose first sample has the index `start`.
+
+        Each batch is the part that this process makes, on each of its devices where these render.
+        """
         if self._device is not None:
             return self._render_on_device(self._device, start)
+        return self._make_batches(start, self._replicas.part)
+
+    def whole_batches(self, start: int) -> Batches:
+        """Return the same stream without parts: what a single process trains on."""
+        if self._replicas.strategy is None:
+            return self.training_batches(start)
+        return self._make_batches(start, WHOLE_BATCH)
+
+    def _make_batches(self, start: int, part: BatchPart) -> Batches:
+        config = self._config
         if self._data_service:
             return tf_data_service.receive_batches(
-                self._live_examples, self._data_service, batch_size=config.batch_size, start=start
+                self._live_examples, self._data_service, batch_size=config.batch_size, start=start, part=part
             )
         if self._sources:
-            mixed = mix_sources(self._sources, seed=config.seed, start=start)
-            return _report_data_loss(self._batch(self._make_examples(mixed.enumerate(start))), config.mixture)
-        return self._batch(self._live_examples(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1])))
+            mixed = mix_sources(self._sources, seed=config.seed, start=start).enumerate(start)
+            # Where a source is in its own stream depends on all samples before: each process makes them all.
+            examples = self._make_examples(part.select(mixed, config.batch_size))
+            return _report_data_loss(self._batch(examples, part), config.mixture)
+        indices = part.select(tf.data.Dataset.range(start, synthetic.TRAIN_INDICES[1]), config.batch_size)
+        return self._batch(self._live_examples(indices), part)
 
     def _render_on_device(self, device: str, start: int) -> Batches:
-        config, render = self._config, make_task(self._config).renderer()
+        config, strategy = self._config, self._replicas.strategy
+        renderer = make_task(config).renderer()
         scene = {"size": config.size, "ranges": self._ranges.with_passes(1), "textures": self._textures}
-        batches = render_batches(
-            device,
-            lambda index: render(config.seed, index=index + synthetic.TRAIN_INDICES[0], **scene),
-            self._example_maker(),
-            batch_size=config.batch_size,
-            start=start,
-        )
+
+        def render(index: tf.Tensor) -> Sample:
+            return renderer(config.seed, index=index + synthetic.TRAIN_INDICES[0], **scene)
+
+        options = {"batch_size": config.batch_size, "start": start}
+        if strategy is not None:
+            return render_on_replicas(strategy, render, self._example_maker(), **options)
+        batches = render_batches(device, render, self._example_maker(), **options)
         if not config.copy_paste:
             return batches
         firsts = itertools.count(start, config.batch_size)
@@ -86,9 +123,9 @@ class InputPipeline:
             self._paste_leaves(tf.constant([first], tf.int64), examples)[1] for first, examples in numbered
         )
 
-    def _batch(self, numbered: tf.data.Dataset) -> tf.data.Dataset:
-        """Return batches of (image, target) from `numbered` (index, example)."""
-        batches = numbered.batch(self._config.batch_size)
+    def _batch(self, numbered: tf.data.Dataset, part: BatchPart) -> tf.data.Dataset:
+        """Return batches of (image, target) from the `numbered` (index, example) of a part."""
+        batches = numbered.batch(part.size(self._config.batch_size))
         if self._config.copy_paste:
             batches = batches.map(self._paste_leaves, num_parallel_calls=tf.data.AUTOTUNE)
         return batches.map(lambda _, examples: examples).prefetch(2)

@@ -4,54 +4,53 @@ Step k always gets samples k * batch_size up to (k + 1) * batch_size of its stre
 continues on the same curve as one that was not.
 """
 
-import itertools
-import math
 import sys
 import time
 from collections.abc import Callable
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import tensorflow as tf
 from tqdm import tqdm
 
-from laesi_tf.common.atomic_files import atomic_write, require_writable, write_json
+from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.interrupts import defer_interrupt
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.run_files import (
-    BEST_MODEL_FILE,
     CONFIG_FILE,
     METRICS_FILE,
     STATE_FILE,
     TENSORBOARD_FOLDER,
 )
-from laesi_tf.models import batch_norm
 from laesi_tf.reporting.run_report import SYNTHETIC_SCENES
 from laesi_tf.training.config import TrainConfig
 from laesi_tf.training.device_synthesis import AUTO
-from laesi_tf.training.initialisation import initialise_network
-from laesi_tf.training.input_pipeline import BatchStream, InputPipeline
-from laesi_tf.training.optimizers import make_optimizer
+from laesi_tf.training.input_pipeline import InputPipeline
+from laesi_tf.training.replicas import ONE_DEVICE, Replicas, Start, WorkerLost
+from laesi_tf.training.replicated_trainer import make_trainer
 from laesi_tf.training.run_directory import (
     TrainingProgress,
     check_run_directory,
     create_run_directory,
     is_finished,
     log_to_tensorboard,
-    record_steps,
+    record_start,
     restore_state,
     save_state,
-    write_history,
 )
 from laesi_tf.training.run_summary import TrainingResult, load_result, summarise_best_network
 from laesi_tf.training.schedules import learning_rate_at
-from laesi_tf.training.tasks import make_task
-from laesi_tf.training.trainer import Batches, TrainedStep, Trainer, TrainingDiverged, train_steps
+from laesi_tf.training.trainer import (
+    Batches,
+    BatchStream,
+    TrainedStep,
+    Trainer,
+    TrainingDiverged,
+    train_steps,
+)
+from laesi_tf.training.validation import Validation
 
-_STOPPING = "stopping after this step; press Ctrl-C again to stop at once"
-_CALIBRATION_IMAGES = 512
-"""Batch normalisation is recalibrated on this many training images."""
+STOPPING = "stopping after this step; press Ctrl-C again to stop at once"
 
 
 class TrainingInterrupted(KeyboardInterrupt):
@@ -66,6 +65,7 @@ def fit(
     validation: Batches | None = None,
     data_service: str = "",
     synthesis_device: str = AUTO,
+    replicas: Replicas = ONE_DEVICE,
     validation_name: str = SYNTHETIC_SCENES,
     show_progress: bool = True,
 ) -> TrainingResult:
@@ -73,43 +73,45 @@ def fit(
 
     `train` and `validation` replace the live synthetic scenes; `validation` is kept in memory, and the report
     calls it `validation_name`. Scenes are rendered by the data service at `data_service` (HOST:PORT), if
-    there is one, or on `synthesis_device` (see `find_synthesis_device`), with the same result. Raises
-    InputError for anything that cannot be used, before the first download and the first scene;
-    TrainingDiverged where the loss is not finite; TrainingInterrupted after Ctrl-C.
+    there is one, or on `synthesis_device` (see `find_synthesis_device`), with the same result. `replicas` are
+    the devices that train. Where they are in several processes, this one is the chief, and the others call
+    `follow`. Raises InputError for anything that cannot be used, before the first download and the first
+    scene; TrainingDiverged where the loss is not finite; WorkerLost where another process ended;
+    TrainingInterrupted after Ctrl-C.
     """
     out = Path(out)
-    origin = check_run_directory(out, config)
-    if is_finished(out, config):
-        _notify(f"{out} is finished: nothing to train", show=show_progress)
+    origin, start = _check_start(out, config, replicas)
+    if start is Start.FINISHED:
+        notify(f"{out} is finished: nothing to train", show=show_progress)
         return load_result(out, config)
-    require_writable(out / CONFIG_FILE)
     if train is None or validation is None:
-        pipeline = InputPipeline(config, data_service=data_service, synthesis_device=synthesis_device)
-        train = train or pipeline.training_batches
+        pipeline = InputPipeline(
+            config, data_service=data_service, synthesis_device=synthesis_device, replicas=replicas
+        )
         validation = pipeline.validation_batches() if validation is None else validation
+    parts = pipeline.training_batches if train is None else replicas.take_part(train)
+    whole = pipeline.whole_batches if train is None else train
     started = origin if (out / STATE_FILE).is_file() else None
-    model, origin = initialise_network(config, origin=started)
-    optimizer = make_optimizer(
-        config.optimizer,
-        schedule=config.schedule,
-        peak=config.learning_rate,
-        final=config.final_learning_rate,
-        steps=config.steps,
+    trainer, origin = make_trainer(config, replicas, origin=started)
+    with replicas.scope():
+        progress = restore_state(out, trainer.variables)
+    replicas.share_variables(trainer.variables)
+    loop = TrainingLoop(
+        config, out, trainer, progress, parts, list(validation), replicas=replicas, whole_batches=whole
     )
-    trainer = Trainer(model, make_task(config), optimizer)
-    progress = restore_state(out, trainer.variables)
-    loop = TrainingLoop(config, out, trainer, progress, train, list(validation))
     if started is None:
-        create_run_directory(out, config, origin)
+        create_run_directory(out, config, origin, replicas.describe())
     else:
-        record_steps(out, config)
-        _notify(f"continuing from step {progress.step} of {config.steps}", show=show_progress)
+        record_start(out, config, replicas.describe())
+        notify(f"continuing from step {progress.step} of {config.steps}", show=show_progress)
 
     def summarise() -> dict[str, Any]:
-        return summarise_best_network(
+        metrics = summarise_best_network(
             out, config, progress, loop.validation, weights_origin=origin, validation_name=validation_name
         )
+        return metrics | replicas.describe()
 
+    replicas.share_progress(progress.step, is_finished=loop.is_finished)
     try:
         loop.run(show_progress=show_progress)
     except TrainingInterrupted:
@@ -120,8 +122,22 @@ def fit(
     return load_result(out, config)
 
 
+def _check_start(out: Path, config: TrainConfig, replicas: Replicas) -> tuple[str | None, Start]:
+    """Return what `check_run_directory` returns, and what to do; tell it to the other processes."""
+    start = Start.REFUSED
+    try:
+        origin = check_run_directory(out, config)
+        finished = is_finished(out, config)
+        if not finished:
+            require_writable(out / CONFIG_FILE)
+        start = Start.FINISHED if finished else Start.TRAIN
+        return origin, start
+    finally:
+        replicas.share_start(start, config)
+
+
 class TrainingLoop:
-    """A run in progress."""
+    """A run in progress: `stream` yields what this process trains on, `whole_batches` all of each batch."""
 
     def __init__(
         self,
@@ -131,9 +147,14 @@ class TrainingLoop:
         progress: TrainingProgress,
         stream: BatchStream,
         validation: list[tuple[tf.Tensor, tf.Tensor]],
+        *,
+        replicas: Replicas = ONE_DEVICE,
+        whole_batches: BatchStream | None = None,
     ) -> None:
         self.config, self.out, self.trainer = config, out, trainer
         self.progress, self.stream, self.validation = progress, stream, validation
+        self._replicas = replicas
+        self._validation = Validation(config, out, trainer, validation, whole_batches or stream)
         self._saved_step = progress.step
 
     def run(self, *, show_progress: bool) -> None:
@@ -153,7 +174,7 @@ class TrainingLoop:
             disable=not show_progress,
         )
         try:
-            with defer_interrupt(lambda: _notify(_STOPPING, show=show_progress)) as stop_requested:
+            with defer_interrupt(lambda: notify(STOPPING, show=show_progress)) as stop_requested:
                 self._train(writer, bar, stop_requested)
         except KeyboardInterrupt:
             raise self._interrupt() from None
@@ -196,13 +217,22 @@ class TrainingLoop:
                     bar.unpause()
                 if step.number % self.config.checkpoint_every == 0 or self.is_finished:
                     self._save()
-                if self.is_finished:
+                is_finished, is_stopped = self._replicas.agree(
+                    is_finished=self.is_finished, is_stopped=stop_requested()
+                )
+                if is_finished:
                     return
-                if stop_requested():
+                if is_stopped:
+                    self._save()
                     raise KeyboardInterrupt
                 step_started = time.monotonic()
         except TrainingDiverged as error:
             raise self._add_advice(str(error)) from None
+        except WorkerLost as error:
+            raise WorkerLost(
+                f"{error} after step {progress.step}; saved up to step {self._saved_step}. Start all workers "
+                "again with the same commands, or the run without --strategy on this machine"
+            ) from error
         raise ValueError(f"the training stream ended after {progress.step} of {self.config.steps} steps")
 
     def _count(self, step: TrainedStep, started: float | None) -> None:
@@ -216,43 +246,8 @@ class TrainingLoop:
             progress.timed_seconds += time.monotonic() - started
 
     def _validate(self) -> dict[str, float]:
-        """Evaluate the network, keep it if it is the best so far; return the history's new row."""
-        self.trainer.recalibrate(lambda: self._calibration_batches)
-        arrays, task = self.trainer.evaluate(self.validation), self.trainer.task
-        metrics, loss = task.aggregate(arrays), float(arrays["loss"][0])
-        if not math.isfinite(metrics[task.main_metric] + loss):
-            raise TrainingDiverged(
-                f"training diverged: the validation metrics are not finite at step {self.progress.step}"
-            )
-        row = self._make_row(loss, metrics)
-        progress, ranking_score = self.progress, task.ranking_score(metrics)
-        is_best = progress.best_merit is None or ranking_score > progress.best_merit
-        if is_best:
-            with atomic_write(self.out / BEST_MODEL_FILE) as temporary:
-                self.trainer.model.save(temporary)
-        write_history(self.out, [*progress.history, row])
-        # Progress changes after the files: a validation that Ctrl-C cuts short is repeated from the last
-        # checkpoint.
-        progress.stale += 1
-        if is_best:
-            progress.best_merit, progress.best_step, progress.stale = ranking_score, progress.step, 0
-        progress.loss_sum = progress.timed_seconds = 0.0
-        progress.loss_count = progress.timed_steps = 0
-        progress.history.append(row)
-        return row
-
-    def _make_row(self, validation_loss: float, metrics: dict[str, float]) -> dict[str, float]:
-        progress = self.progress
-        images = progress.timed_steps * self.config.batch_size
-        return {
-            "step": progress.step,
-            "minutes": progress.seconds / 60.0,
-            "learning_rate": learning_rate_at(progress.step - 1, self.config),
-            "train_loss": progress.mean_loss,
-            "val_loss": validation_loss,
-            **{f"val_{name}": value for name, value in metrics.items()},
-            "images_per_s": images / progress.timed_seconds if images else math.nan,
-        }
+        """Validate the network after the last step; return the history's new row."""
+        return self._validation.run(self.progress)
 
     def _format_progress(self) -> str:
         """Return the mean loss since the last validation, and what that validation found."""
@@ -269,7 +264,8 @@ class TrainingLoop:
     def _interrupt(self) -> TrainingInterrupted:
         """Save the state if it is that of a whole step with its validation; return what to tell the user."""
         step = self.progress.step
-        if int(self.trainer.optimizer.iterations) == step and not self._validation_is_due:
+        is_whole = int(self.trainer.optimizer.iterations.numpy()) == step and not self._validation_is_due
+        if self._saved_step < step and is_whole:
             self._save()
         if self._saved_step == step:
             return TrainingInterrupted(f"stopped at step {step}, saved; the same command continues")
@@ -277,12 +273,6 @@ class TrainingLoop:
             f"stopped at step {step}, saved up to step {self._saved_step}; "
             "the same command continues from there"
         )
-
-    @cached_property
-    def _calibration_batches(self) -> list[tf.Tensor]:
-        count = -(-_CALIBRATION_IMAGES // self.config.batch_size)
-        batches = (images for images, _ in itertools.islice(self.stream(0), count))
-        return batch_norm.calibration_batches(batches, _CALIBRATION_IMAGES)
 
     def _add_advice(self, reason: str) -> TrainingDiverged:
         rate = learning_rate_at(self.progress.step, self.config)
@@ -292,6 +282,7 @@ class TrainingLoop:
         )
 
 
-def _notify(message: str, *, show: bool) -> None:
+def notify(message: str, *, show: bool = True) -> None:
+    """Write a line to stderr, above a progress bar, unless `show` says no."""
     if show:
         tqdm.write(message, file=sys.stderr)

@@ -31,5 +31,10 @@ def make_optimizer(
 
 def optimizer_variables(optimizer: keras.optimizers.Optimizer) -> list[Any]:
     """Return all variables of a built optimizer, with the one that Keras's Nadam does not list itself."""
-    unlisted = getattr(optimizer, "_u_product", None)
+    unlisted = getattr(inner_optimizer(optimizer), "_u_product", None)
     return [*optimizer.variables, *([] if unlisted is None else [unlisted])]
+
+
+def inner_optimizer(optimizer: keras.optimizers.Optimizer) -> keras.optimizers.Optimizer:
+    """Return the optimizer that a LossScaleOptimizer wraps; any other one is returned itself."""
+    return getattr(optimizer, "inner_optimizer", optimizer)

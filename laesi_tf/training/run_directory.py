@@ -59,9 +59,14 @@ class TrainingProgress:
         return self.loss_sum / max(1, self.loss_count)
 
 
-def create_run_directory(path: Path, config: TrainConfig, weights_origin: str) -> None:
-    """Write the configuration of a new run, where it comes from, and copies of the files that it names."""
-    save_config(path / CONFIG_FILE, config, collect_provenance(weights_origin))
+def create_run_directory(
+    path: Path, config: TrainConfig, weights_origin: str, devices: Mapping[str, Any] | None = None
+) -> None:
+    """Write the configuration of a new run, where it comes from, and copies of the files that it names.
+
+    `devices` are entries about what trains it, for the table of where it comes from.
+    """
+    save_config(path / CONFIG_FILE, config, collect_provenance(weights_origin) | dict(devices or {}))
     for file, copy in _referenced_files(config).values():
         write_text(path / copy, file.read_text(encoding="utf-8"))
 
@@ -108,10 +113,14 @@ def is_finished(path: Path, config: TrainConfig) -> bool:
     return (path / METRICS_FILE).is_file() and load_config(path / CONFIG_FILE).steps >= config.steps
 
 
-def record_steps(path: Path, config: TrainConfig) -> None:
-    """Record in the run directory that a run shall have more steps than before; it is then unfinished."""
-    if load_config(path / CONFIG_FILE).steps < config.steps:
-        save_config(path / CONFIG_FILE, config, read_toml(path / CONFIG_FILE)[PROVENANCE])
+def record_start(path: Path, config: TrainConfig, devices: Mapping[str, Any]) -> None:
+    """Record in the run directory with which `devices` a run continues, and whether it shall have more steps
+    than before; it is then unfinished."""
+    provenance = read_toml(path / CONFIG_FILE)[PROVENANCE]
+    has_more_steps = load_config(path / CONFIG_FILE).steps < config.steps
+    if has_more_steps or provenance != provenance | devices:
+        save_config(path / CONFIG_FILE, config, provenance | devices)
+    if has_more_steps:
         (path / METRICS_FILE).unlink(missing_ok=True)
 
 

@@ -15,6 +15,8 @@ from laesi_tf.training.tasks.base import Array, Task
 
 Batches = Iterable[tuple[tf.Tensor, tf.Tensor]]
 """Images uint8 [B, H, W, 3] with the targets of a task, as `laesi_tf.data.synthetic` makes them."""
+BatchStream = Callable[[int], Batches]
+"""From the index of the first sample to an endless stream of batches."""
 
 
 class TrainingDiverged(InputError):
@@ -56,10 +58,18 @@ class Trainer:
     def _train_step(self, images: tf.Tensor, target: tf.Tensor) -> tf.Tensor:
         """Update the network on one batch; return the loss before the update, a scalar."""
         with tf.GradientTape() as tape:
-            loss = self.task.loss(self.model(images, training=True), target)
+            loss = self._loss(self.model(images, training=True), target)
+            scaled_loss = self.optimizer.scale_loss(loss)
         variables = self.model.trainable_variables
-        self.optimizer.apply(tape.gradient(loss, variables), variables)
+        self.optimizer.apply(self._reduce(tape.gradient(scaled_loss, variables)), variables)
         return loss
+
+    def _loss(self, output: tf.Tensor, target: tf.Tensor) -> tf.Tensor:
+        return self.task.loss(output, target)
+
+    def _reduce(self, gradients: list[tf.Tensor]) -> list[tf.Tensor]:
+        """Return the gradients of the whole batch; a trainer on several devices has more to do."""
+        return gradients
 
 
 def train_steps(trainer: Trainer, batches: Batches, *, steps_done: int = 0) -> Iterator[TrainedStep]:

@@ -24,6 +24,7 @@ class AreaTask(Task):
     main_metric = "mre"
     higher_is_better = False
     needs_leaf = True
+    loss_is_mean_over_images = True
     metric_labels: ClassVar = {
         "mre": "mean relative error of the area, MRE (%)",
         "median": "median relative error (%)",

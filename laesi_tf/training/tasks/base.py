@@ -43,6 +43,9 @@ class Task(abc.ABC):
     """Whether images without a leaf are left out."""
     live_scenes_only: ClassVar[bool] = False
     """Whether only live scenes, neither augmented nor with several lighting passes, have its targets."""
+    loss_is_mean_over_images: ClassVar[bool] = False
+    """Whether the loss of a batch is the mean of those of its halves. Otherwise several devices exchange
+    their outputs in every step, and each computes the loss of all of them."""
     has_backbone: ClassVar[bool] = True
     """Whether the network is a head on the MobileNetV3 that the configuration names."""
     metric_labels: ClassVar[Mapping[str, str]]

@@ -21,6 +21,7 @@ class MaskTask(Task):
     main_metric = "miou"
     higher_is_better = True
     needs_masks = True
+    loss_is_mean_over_images = True
     metric_labels: ClassVar = {
         "miou": "mean intersection over union, mIoU",
         "mpe": "mask pixel error, MPE",
