@@ -101,6 +101,7 @@ def test_size_is_a_side_or_two(size):
         ({"size": 31}, "size = 31 must be a number between 32 and 4096"),
         ({"size": [64, 64, 3]}, r"size = \[64, 64, 3\] must be a side"),
         ({"size": 64.0}, "size = 64.0 must be a side"),
+        ({"size": 48, "task": "ruling"}, "size = 48x48 must be at least 64 pixels a side for task 'ruling'"),
         ({"augment": "flip,blur"}, "augment = 'blur' must be brightness, "),
         ({"augment": "all,flip"}, "augment = 'all' must be"),
         ({"loss": "bce"}, "loss = 'bce' must be huber, l1 or mse for task 'area'"),

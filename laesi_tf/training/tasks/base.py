@@ -41,6 +41,8 @@ class Task(abc.ABC):
     """Whether photos without a mask are left out of a mixture."""
     needs_leaf: ClassVar[bool] = False
     """Whether images without a leaf are left out."""
+    min_side_px: ClassVar[int] = 32
+    """Images have at least this many pixels on a side."""
     live_scenes_only: ClassVar[bool] = False
     """Whether only live scenes, neither augmented nor with several lighting passes, have its targets."""
     loss_is_mean_over_images: ClassVar[bool] = False

@@ -28,6 +28,7 @@ class RulingTask(Task):
     losses = ("cross_entropy",)
     main_metric = "right"
     higher_is_better = True
+    min_side_px = 64
     live_scenes_only = True
     has_backbone = False
     metric_labels: ClassVar = {
