@@ -125,11 +125,9 @@ class TrainConfig:
         losses = TASKS[self.task].losses
         if self.loss not in ("auto", *losses):
             raise InputError(f"loss = {self.loss!r} must be {format_choices(losses)} for task {self.task!r}")
-        if min(self.size) < TASKS[self.task].min_side_px:
-            raise InputError(
-                f"size = {'x'.join(map(str, self.size))} must be at least {TASKS[self.task].min_side_px} pixels a side "
-                f"for task {self.task!r}"
-            )
+        if min(self.size) < (least := TASKS[self.task].min_side_px):
+            size = "x".join(map(str, self.size))
+            raise InputError(f"size = {size} must be at least {least} pixels a side for task {self.task!r}")
         _check_augmentations(self.augment)
         if TASKS[self.task].live_scenes_only and (self.mixture or self.augment or self.lighting_passes != 1):
             raise InputError(
