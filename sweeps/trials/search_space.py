@@ -22,8 +22,9 @@ import itertools
 from dataclasses import dataclass
 
 STARTS = ("large_imagenet", "small_imagenet", "large_scratch")
-LEARNING_RATE, FINAL_LEARNING_RATE = 1e-3, 1e-9
-"""The paper's first and last learning rate."""
+LEARNING_RATES = {"rmsprop": 1e-3, "adam": 1e-3, "adamw": 1e-3, "sgd": 1e-3, "nadam": 1e-3}
+FINAL_RATIO = 1e-6
+"""The last learning rate over the first, as in the paper: from 1e-3 to 1e-9."""
 
 
 _NINE = (
@@ -68,6 +69,16 @@ class Point:
 
     def __str__(self) -> str:
         return ", ".join(self.levels.values())
+
+    @property
+    def learning_rate(self) -> float:
+        """The highest learning rate, that of its optimizer."""
+        return LEARNING_RATES[self.optimizer]
+
+    @property
+    def final_learning_rate(self) -> float:
+        """The lowest learning rate of a schedule that falls; the constant one stays at the highest."""
+        return FINAL_RATIO * self.learning_rate
 
     @property
     def augmentations(self) -> tuple[str, ...]:
