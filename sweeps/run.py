@@ -136,7 +136,7 @@ def _make_settings(options: argparse.Namespace) -> WorkerSettings:
             options.retries, options.time_limit, options.heartbeat, _MISSED_HEARTBEATS * options.heartbeat
         ),
         folder=options.folder or artifact_folder(options.storage),
-        threads=max(1, (os.cpu_count() or 1) // options.workers),
+        threads=options.threads or max(1, (os.cpu_count() or 1) // options.workers),
         trials=(options.trials or _DEFAULT_TRIALS) if options.sampler == "tpe" else 0,
     )
 
@@ -152,6 +152,9 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--workers", type=positive_int, default=min(4, os.cpu_count() or 1), help="processes on this machine"
+    )
+    parser.add_argument(
+        "--threads", type=positive_int, help="threads of each worker (default: its share of the cores)"
     )
     parser.add_argument("--sampler", choices=("grid", "tpe"), default="grid", help="all points, or a search")
     parser.add_argument(
