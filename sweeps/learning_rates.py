@@ -1,10 +1,13 @@
 """Test which learning rate suits each optimizer: short trials at rates half a decade apart.
 
-The rate of an optimizer is the lowest one whose trials have a median MRE, over starting points and seeds,
-within a tenth of the best: short trials favour high rates, long ones do not. With a rate of its own for each,
-the grid compares optimizers instead of rates. Smith's range test (2017), one run with a rising rate, is
-shorter, but where to stop on its curve is a rule of thumb for each optimizer; whole trials measure what the
-grid compares. The trials are kept in a study: the same command continues it.
+The MRE of a trial is divided by the lowest that the same optimizer reaches from the same starting point with
+the same seed, as starting points differ by more than rates. The rate of an optimizer is the lowest one at
+which the median of these ratios is within a tenth of the best: short trials favour high rates, long ones do
+not. With a rate of its own for each, the grid compares optimizers instead of rates.
+
+Smith's range test (2017), one run with a rising rate, is shorter, but where to stop on its curve is a rule of
+thumb for each optimizer; whole trials measure what the grid compares. The trials are kept in a study, which
+the same command continues.
 
 The printed rates are committed by hand as LEARNING_RATES in sweeps/trials/search_space.py.
 """
@@ -50,7 +53,7 @@ _FACTORS = {
 _DIVERGED_MRE = 1e6
 """MRE of a trial that diverged, in percent: a result of its rate, and worse than all that did not."""
 _TOLERANCE = 1.1
-"""Medians up to this factor above the best count as equal: so much do they change with the seeds."""
+"""Ratios up to this factor above the best count as equal."""
 _HEADER = ("optimizer", "rate", "start", "seed", "mre")
 
 
@@ -66,7 +69,7 @@ class RateTrial:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run the trials that are missing, print the median MRE of every rate and the best ones."""
+    """Run the trials that are missing, print how much worse each rate is, and the best ones."""
     options = _make_parser().parse_args(arguments)
     if options.out:
         require_writable(options.out)
@@ -93,29 +96,38 @@ def main(arguments: Sequence[str]) -> None:
         run_trials(queue, lambda claim, watchdog: _try_rate(runner, claim, watchdog))
     trials = _read_trials(queue.get_trials())
     best = best_rates(trials)
-    print("\n".join([*_format_medians(trials), "", *(f"{name}: {rate:g}" for name, rate in best.items())]))
+    print("\n".join([*_format_ratios(trials), "", *(f"{name}: {rate:g}" for name, rate in best.items())]))
     if options.out:
         write_csv(options.out, _HEADER, [[*vars(trial).values()] for trial in trials])
     if options.json:
         write_json(options.json, {"best": best, "budget": attributes, **describe_hardware()})
 
 
-def median_errors(trials: Iterable[RateTrial]) -> dict[str, dict[float, float]]:
-    """Return the median MRE over starting points and seeds, by optimizer and rate, both sorted."""
-    errors: dict[str, dict[float, list[float]]] = {}
-    for trial in sorted(trials, key=lambda trial: (FACTORS["optimizer"].index(trial.optimizer), trial.rate)):
-        errors.setdefault(trial.optimizer, {}).setdefault(trial.rate, []).append(trial.mre)
-    return {
-        name: {rate: float(np.median(values)) for rate, values in rates.items()}
-        for name, rates in errors.items()
-    }
+def median_ratios(trials: Iterable[RateTrial]) -> dict[str, dict[float, float]]:
+    """Return the median ratio of the MRE to the lowest of the same start and seed, by optimizer and rate.
+
+    Starts and seeds that lack one of an optimizer's rates, as in an unfinished study, are left out.
+    """
+    errors: dict[tuple[str, str, int], dict[float, float]] = {}
+    for trial in trials:
+        errors.setdefault((trial.optimizer, trial.start, trial.seed), {})[trial.rate] = trial.mre
+    medians = {}
+    for name, texts in _RATES.items():
+        rates = [float(text) for text in texts]
+        complete = [found for key, found in errors.items() if key[0] == name and found.keys() == {*rates}]
+        if complete:
+            medians[name] = {
+                rate: float(np.median([found[rate] / min(found.values()) for found in complete]))
+                for rate in rates
+            }
+    return medians
 
 
 def best_rates(trials: Iterable[RateTrial]) -> dict[str, float]:
-    """Return the lowest rate of each optimizer whose median MRE is within a tenth of the best."""
+    """Return the lowest rate of each optimizer whose median ratio is within a tenth of the best."""
     return {
-        name: next(rate for rate, mre in rates.items() if mre <= _TOLERANCE * min(rates.values()))
-        for name, rates in median_errors(trials).items()
+        name: next(rate for rate, ratio in ratios.items() if ratio <= _TOLERANCE * min(ratios.values()))
+        for name, ratios in median_ratios(trials).items()
     }
 
 
@@ -171,16 +183,16 @@ def _read_trials(trials: Iterable[FrozenTrial]) -> list[RateTrial]:
     ]
 
 
-def _format_medians(trials: Sequence[RateTrial]) -> list[str]:
-    medians = median_errors(trials)
-    rates = sorted({trial.rate for trial in trials})
+def _format_ratios(trials: Sequence[RateTrial]) -> list[str]:
+    medians = median_ratios(trials)
+    rates = sorted({rate for ratios in medians.values() for rate in ratios})
     rows: list[list[Any]] = [
-        [name, *(f"{errors[rate]:.1f}" if rate in errors else "" for rate in rates)]
-        for name, errors in medians.items()
+        [name, *(f"{ratios[rate]:.2f}" if rate in ratios else "" for rate in rates)]
+        for name, ratios in medians.items()
     ]
     runs = len({(trial.start, trial.seed) for trial in trials})
     return [
-        f"Median MRE, %, of {runs} trials (starting points and seeds) by optimizer and highest rate:",
+        f"MRE over the lowest of the optimizer, median of {runs} starting points and seeds, by highest rate:",
         "",
         *format_table(["optimizer", *(f"{rate:g}" for rate in rates)], rows),
     ]
