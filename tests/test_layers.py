@@ -75,7 +75,16 @@ CLONE_COMMANDS = [
     *(f"experiments.{name}" for name in ("run", "table")),
     *(
         f"sweeps.{name}"
-        for name in ("run", "grid", "dashboard", "analysis", "benchmark", "load_test", "learning_rates")
+        for name in (
+            "run",
+            "grid",
+            "dashboard",
+            "analysis",
+            "benchmark",
+            "load_test",
+            "learning_rates",
+            "screening",
+        )
     ),
 ]
 
