@@ -130,7 +130,7 @@ def _make_parser() -> argparse.ArgumentParser:
         help="trials: points of the grid from number 0",
     )
     parser.add_argument("--threads", type=positive_int, default=1, help="threads of the worker")
-    add_budget_arguments(parser)
+    add_budget_arguments(parser, SCREENING)
     return parser
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from laesi_tf.cli.arguments import make_parser, output_file
 from laesi_tf.cli.console import run_command
 from laesi_tf.common.atomic_files import write_csv, write_json
-from sweeps.trials.search_space import FACTORS, FINAL_LEARNING_RATE, LEARNING_RATE, OPTIMUM, POINTS, Point
+from sweeps.trials.search_space import FACTORS, OPTIMUM, POINTS, Point
 
 _HEADER = ("number", *FACTORS, "augmentations", "learning_rate", "final_learning_rate", "paper_optimum")
 
@@ -29,13 +29,13 @@ def main(arguments: Sequence[str]) -> None:
 def _format_row(number: int, point: Point) -> list[str | int | float]:
     # Plus signs between the names keep the cell free of commas.
     augmentations = "+".join(point.augmentations)
-    final_rate = LEARNING_RATE if point.schedule == "constant" else FINAL_LEARNING_RATE
+    final_rate = point.learning_rate if point.schedule == "constant" else point.final_learning_rate
     return [
         number,
         *point.levels.values(),
         augmentations,
-        LEARNING_RATE,
-        final_rate,
+        point.learning_rate,
+        float(f"{final_rate:.6g}"),
         int(point == OPTIMUM),
     ]
 

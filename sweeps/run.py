@@ -17,7 +17,6 @@ from optuna.trial import TrialState
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.parsing import positive_int
@@ -36,8 +35,7 @@ from sweeps.queue.tpe_queue import TpeQueue
 from sweeps.queue.trial_queue import JOB, Job, TrialQueue
 from sweeps.trials.budget import FINAL, SCREENING, add_budget_arguments, budget_from_args
 from sweeps.trials.search_space import FACTORS, POINTS, Point
-from sweeps.workers.process import run_worker_process
-from sweeps.workers.worker_pool import run_worker_pool
+from sweeps.workers.grid_study import open_grid_study, run_study
 from sweeps.workers.worker_settings import WorkerSettings
 
 _ALL_POINTS = f"0-{len(POINTS) - 1}"
@@ -58,13 +56,8 @@ def main(arguments: Sequence[str]) -> None:
         queue, points = _open_search(settings), POINTS
     else:
         jobs = _select_jobs(options)
-        queue, points = _open_grid(settings, jobs), tuple(Point(**job.levels) for job in jobs)
-    if not queue.storage.retry_while_offline(queue.is_finished):
-        load_tensorflow()
-        from sweeps.trials.trial_runner import check_weights
-
-        check_weights(settings.budget, points)
-        run_worker_pool(run_worker_process, (settings,), workers=options.workers, queue=queue)
+        queue, points = open_grid_study(settings, jobs), tuple(Point(**job.levels) for job in jobs)
+    run_study(settings, queue, points, workers=options.workers)
     summary = _summarise_study(queue)
     print(_format_summary(summary))
     if options.json:
@@ -77,16 +70,6 @@ def _open_search(settings: WorkerSettings) -> TpeQueue:
     attributes = settings.budget.to_attributes()
     queue = settings.open_search()
     queue.check_study_setting("budget", attributes)
-    return queue
-
-
-def _open_grid(settings: WorkerSettings, jobs: Sequence[Job]) -> GridQueue:
-    """Open the study's queue with `jobs` in it, and requeue what an earlier run left open."""
-    attributes = settings.budget.to_attributes()
-    queue = settings.open_grid()
-    queue.check_study_setting("budget", attributes)
-    queue.storage.retry_while_offline(lambda: queue.enqueue(jobs))
-    queue.storage.retry_while_offline(queue.requeue_missing)
     return queue
 
 
@@ -153,7 +136,7 @@ def _make_settings(options: argparse.Namespace) -> WorkerSettings:
             options.retries, options.time_limit, options.heartbeat, _MISSED_HEARTBEATS * options.heartbeat
         ),
         folder=options.folder or artifact_folder(options.storage),
-        threads=max(1, (os.cpu_count() or 1) // options.workers),
+        threads=options.threads or max(1, (os.cpu_count() or 1) // options.workers),
         trials=(options.trials or _DEFAULT_TRIALS) if options.sampler == "tpe" else 0,
     )
 
@@ -169,6 +152,9 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--workers", type=positive_int, default=min(4, os.cpu_count() or 1), help="processes on this machine"
+    )
+    parser.add_argument(
+        "--threads", type=positive_int, help="threads of each worker (default: its share of the cores)"
     )
     parser.add_argument("--sampler", choices=("grid", "tpe"), default="grid", help="all points, or a search")
     parser.add_argument(
@@ -197,7 +183,7 @@ def _make_parser() -> argparse.ArgumentParser:
         metavar="S",
         help=f"seconds between heartbeats; after {_MISSED_HEARTBEATS} missed another worker gets the trial",
     )
-    add_budget_arguments(parser)
+    add_budget_arguments(parser, SCREENING, FINAL)
     return parser
 
 

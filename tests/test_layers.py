@@ -73,7 +73,19 @@ def test_importing_any_module_changes_nothing_outside(stderr):
 
 CLONE_COMMANDS = [
     *(f"experiments.{name}" for name in ("run", "table")),
-    *(f"sweeps.{name}" for name in ("run", "grid", "dashboard", "analysis", "benchmark")),
+    *(
+        f"sweeps.{name}"
+        for name in (
+            "run",
+            "grid",
+            "dashboard",
+            "analysis",
+            "benchmark",
+            "load_test",
+            "learning_rates",
+            "screening",
+        )
+    ),
 ]
 
 

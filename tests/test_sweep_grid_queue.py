@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import fake_sweep_worker as fake
 import postgres
@@ -17,7 +18,10 @@ from optuna.trial import TrialState
 from laesi_tf.common.errors import InputError
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy, StorageUnreachable
-from sweeps.workers import worker_pool
+from sweeps.queue.trial_queue import ClaimedTrial
+from sweeps.workers import worker, worker_pool
+from sweeps.workers.watchdog import TrialWatchdog
+from sweeps.workers.worker import TrialResult
 
 HERE = Path(__file__).parent
 needs_postgres = pytest.mark.skipif(
@@ -163,6 +167,30 @@ def test_a_worker_releases_its_trial_on_sigterm_without_a_failure(storage: str, 
     history = queue.job_histories()["0000"]
     assert history.waiting and history.failure_count == 0
     assert failure_reasons(queue, 0) == ["stopped: KeyboardInterrupt"]
+
+
+def test_heartbeats_continue_until_the_end_of_a_trial_is_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    queue = fake.open_queue(str(tmp_path / "study.db"))
+    queue.enqueue([fake.make_job(0, "good")])
+    watchdog, claim = TrialWatchdog(queue), queue.claim()
+    assert claim is not None
+    finish, watched = queue.finish, []
+
+    def finish_watched(*arguments: Any) -> bool:
+        # Waiting for the lock may take longer than the trial's own time limit.
+        watched.append((watchdog._claim, watchdog._stuck_at))
+        return finish(*arguments)
+
+    def objective(claim: ClaimedTrial, watchdog: TrialWatchdog) -> TrialResult:
+        watchdog.start_clock()
+        return TrialResult([1.0, 1.0], {})
+
+    monkeypatch.setattr(queue, "finish", finish_watched)
+    assert worker._run_trial(queue, watchdog, claim, objective) == ""
+    assert watched == [(claim, float("inf"))] and watchdog._claim is None
+    assert queue.job_histories()["0000"].complete
 
 
 @needs_postgres

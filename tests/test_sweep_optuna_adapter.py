@@ -9,7 +9,7 @@ from optuna.trial import TrialState
 from sweeps.queue import optuna_adapter
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy, StudyStorage
-from sweeps.queue.trial_queue import Job
+from sweeps.queue.trial_queue import JOB, REASON, Job
 
 
 @pytest.fixture
@@ -51,3 +51,25 @@ def test_intermediate_values_are_reported_to_a_running_trial(queue: GridQueue) -
     assert claim is not None
     trial = optuna_adapter.resume_trial(queue.study, claim.trial_id)
     assert trial.number == claim.number and trial.params == claim.job.levels
+
+
+def test_summaries_equal_what_optuna_reads(queue: GridQueue) -> None:
+    rdb = queue.storage.rdb
+    first = queue.claim()
+    assert first is not None
+    queue.fail(first, "failed on purpose")
+    trials = queue.get_trials()
+    summaries = optuna_adapter.summarise_trials(rdb, queue.study_id, (JOB, REASON))
+    assert [trial.number for trial in summaries] == [trial.number for trial in trials]
+    for summary, trial in zip(summaries, trials, strict=True):
+        assert (summary.trial_id, summary.state) == (optuna_adapter.trial_id(trial), trial.state)
+        expected = {name: trial.user_attrs[name] for name in (JOB, REASON) if name in trial.user_attrs}
+        assert summary.user_attrs == expected
+    waiting = {optuna_adapter.trial_id(trial) for trial in trials if trial.state is TrialState.WAITING}
+    assert optuna_adapter.waiting_trial_ids(rdb, queue.study_id) == waiting and len(waiting) == 2
+
+
+def test_parameters_are_positions_of_levels(queue: GridQueue) -> None:
+    parameters = optuna_adapter.read_parameters(queue.storage.rdb, queue.study_id)
+    for trial in queue.get_trials():
+        assert "ab"[int(parameters[optuna_adapter.trial_id(trial)]["level"])] == trial.params["level"]

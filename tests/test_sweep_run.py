@@ -18,7 +18,7 @@ from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy
 from sweeps.queue.trial_queue import TrialQueue
 from sweeps.trials.search_space import POINTS
-from sweeps.workers import process
+from sweeps.workers import grid_study, worker_settings
 from sweeps.workers.worker_settings import WorkerSettings
 
 SMALL = [n for n, p in enumerate(POINTS) if (p.start, p.optimizer) == ("small_imagenet", "sgd")][:3]
@@ -34,7 +34,7 @@ def make_arguments(folder: Path, *more: str) -> list[str]:
 def open_grid(folder: Path, *more: str) -> GridQueue:
     """Open the study of point 3 as the command does, without running it."""
     options = run._make_parser().parse_args(make_arguments(folder, "--points", "3", *more))
-    return run._open_grid(run._make_settings(options), run._select_jobs(options))
+    return grid_study.open_grid_study(run._make_settings(options), run._select_jobs(options))
 
 
 def test_it_runs_points_and_continues(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -100,7 +100,7 @@ def test_missing_weights_are_reported_before_any_worker_starts(
         raise InputError("no ImageNet weights for large (no route to host); pass --weights PATH")
 
     monkeypatch.setattr(trial_runner, "initialise_network", refuse)
-    monkeypatch.setattr(run, "run_worker_pool", lambda *_, **__: pytest.fail("a worker was started"))
+    monkeypatch.setattr(grid_study, "run_worker_pool", lambda *_, **__: pytest.fail("a worker was started"))
     with pytest.raises(InputError, match=r"large_imagenet: .*no route to host.*pass --weights-large FILE"):
         run.main(make_arguments(tmp_path, "--points", "3"))
 
@@ -129,11 +129,11 @@ def test_a_worker_that_starts_while_the_database_is_offline_waits(
         return open_queue(self)
 
     monkeypatch.setattr(WorkerSettings, "open_queue", fail_twice)
-    monkeypatch.setattr(process, "_RETRY_PAUSE_S", 0.0)
-    assert process._open_queue(settings).name == "grid"
+    monkeypatch.setattr(worker_settings, "_RETRY_PAUSE_S", 0.0)
+    assert settings.open_queue_patiently().name == "grid"
     attempts.clear()
     with pytest.raises(InputError, match="cannot open"):
-        process._open_queue(dataclasses.replace(settings, policy=RetryPolicy(patience_s=-1)))
+        dataclasses.replace(settings, policy=RetryPolicy(patience_s=-1)).open_queue_patiently()
 
 
 def test_the_compose_file_starts_existing_commands() -> None:

@@ -12,6 +12,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.data.augmentation import AUGMENTATIONS, PAPER_AUGMENTATIONS, augmentation_flags
 from laesi_tf.training.config import TrainConfig
 from sweeps import grid
+from sweeps.learning_rates import RateTrial, best_rates
 from sweeps.trials import search_space
 
 
@@ -43,6 +44,16 @@ def test_the_augmentation_sets_are_none_all_the_papers_each_and_the_papers_witho
 def test_the_papers_optimum_is_a_point() -> None:
     assert search_space.POINTS.count(search_space.OPTIMUM) == 1
     assert set(search_space.OPTIMUM.augmentations) == set(PAPER_AUGMENTATIONS)
+    assert search_space.OPTIMUM.learning_rate == 1e-3
+    assert search_space.OPTIMUM.final_learning_rate == pytest.approx(1e-9)
+
+
+def test_the_learning_rates_are_those_that_were_measured() -> None:
+    with (Path(grid.__file__).parent / "results" / "learning_rates.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    numbers = {"rate": float, "seed": int, "mre": float}
+    trials = [RateTrial(**{name: numbers.get(name, str)(row[name]) for name in row}) for row in rows]
+    assert best_rates(trials) == search_space.LEARNING_RATES
 
 
 def test_the_points_are_printed_and_written_as_csv(
@@ -57,6 +68,9 @@ def test_the_points_are_printed_and_written_as_csv(
     assert [row["paper_optimum"] for row in printed].count("1") == 1
     for row, point in zip(printed, search_space.POINTS, strict=True):
         assert {factor: row[factor] for factor in search_space.FACTORS} == point.levels
+        last = point.learning_rate if point.schedule == "constant" else 1e-6 * point.learning_rate
+        assert float(row["learning_rate"]) == search_space.LEARNING_RATES[point.optimizer]
+        assert float(row["final_learning_rate"]) == pytest.approx(last)
     assert len(json.loads((tmp_path / "grid.json").read_text())) == 1425
 
 

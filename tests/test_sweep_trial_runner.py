@@ -1,10 +1,11 @@
 """A trial on a shared compiled step equals one in a fresh process, and does not affect the next."""
 
+import dataclasses
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +16,20 @@ from sweep_trials import BUDGET, exact_outcome, make_discs, make_runner
 from laesi_tf.common import metrics
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.run_files import CONFIG_FILE
+from laesi_tf.data import synthetic
+from laesi_tf.synthesis import Ranges, load_ranges
 from laesi_tf.training import config_files, loop
 from laesi_tf.training.optimizers import OPTIMIZERS, make_optimizer, optimizer_variables
 from laesi_tf.training.schedules import SCHEDULES, TableSchedule
 from laesi_tf.training.trainer import TrainingDiverged
+from sweeps.trials import training_data
 from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import Point
 from sweeps.trials.training_data import Batch, TrainingData
 from sweeps.trials.trial_runner import TrialRunner
 
 HERE = Path(__file__).parent
+SCENES = HERE.parent / "sweeps" / "scenes"
 NADAM = Point("small_imagenet", "nadam", "cosine", "all")
 PLAIN = Point("small_imagenet", "nadam", "constant", "none")
 
@@ -203,3 +208,78 @@ def test_budget_attributes_do_not_name_the_folder_of_weights(tmp_path: Path) -> 
         for folder in ("one", "other")
     )
     assert one == other and str(tmp_path) not in str(one)
+
+
+def test_the_first_steps_may_see_silhouettes() -> None:
+    budget = dataclasses.replace(BUDGET, silhouette_steps=1, calibration=16)
+
+    def make_samples(budget: Budget, indices: Sequence[int]) -> Batch:
+        images, targets = make_discs(budget, indices)
+        return tf.concat([images, tf.cast(images[..., :1] > 128, tf.uint8) * 255], axis=-1), targets
+
+    data = TrainingData(budget, threads=1, make_samples=make_samples)
+    plain = TrainingData(BUDGET, threads=1, make_samples=make_discs)
+    batches = [images.numpy() for images, _ in data.iterate_batches((), 0)]
+    images = [images.numpy() for images, _ in plain.iterate_batches((), 0)]
+    assert set(np.unique(batches[0])) == {0, 255}
+    np.testing.assert_array_equal(batches[0], np.repeat(255 * (images[0][..., :1] > 128), 3, axis=-1))
+    np.testing.assert_array_equal(batches[1:], images[1:])
+    assert data.validation[0][0].shape == (64, 32, 32, 3)
+    with pytest.raises(InputError, match="at most the 8 images of all steps after the silhouettes"):
+        dataclasses.replace(BUDGET, silhouette_steps=3, calibration=16)
+
+
+def test_trials_start_from_a_short_run_that_they_share(shared: TrialRunner) -> None:
+    warm = make_runner(dataclasses.replace(BUDGET, warm_start_steps=6))
+    first = run_exactly(warm, PLAIN)
+    start = warm._initial_weights["small_imagenet", 0]
+    assert run_exactly(warm, PLAIN) == first
+    assert run_exactly(warm, PLAIN, seed=1) != first != run_exactly(shared, PLAIN)
+    assert len(warm.run(PLAIN, 0).losses) == BUDGET.steps
+    cold = shared._initial_weights["small_imagenet", 0]
+    assert any(not np.array_equal(one, other) for one, other in zip(start, cold, strict=True))
+
+
+def test_a_learning_rate_replaces_that_of_the_point(shared: TrialRunner) -> None:
+    outcome = exact_outcome(shared, PLAIN, shared.run(PLAIN, 0))
+    same = shared.run(PLAIN, 0, learning_rate=PLAIN.learning_rate)
+    assert exact_outcome(shared, PLAIN, same) == outcome
+    other = shared.run(PLAIN, 0, learning_rate=PLAIN.learning_rate / 10)
+    assert exact_outcome(shared, PLAIN, other) != outcome
+
+
+def test_scenes_are_those_of_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    budgets = [Budget(size=32, ranges="phone"), Budget(size=32, ranges="phone", silhouette_steps=40)]
+    mask = tf.constant([[0, 1], [1, 1]], tf.uint8)
+    sample = {"image": tf.fill([2, 2, 3], tf.constant(9, tf.uint8)), "mask": mask}
+    sample |= {"area_cm2": tf.constant(5.0), "px_per_mm": tf.constant(2.0)}
+
+    def make_samples(leaves: tf.data.Dataset, *, ranges: Ranges, **_: object) -> tf.data.Dataset:
+        # The area of an empty sheet is 0, to which no error is relative.
+        assert ranges == load_ranges("phone").without_empty_sheets()
+        return leaves.map(lambda leaf: sample)
+
+    monkeypatch.setattr(synthetic, "samples_of_leaves", make_samples)
+    (plain, _), (images, _) = (training_data.render_scenes(budget, [0, 1]) for budget in budgets)
+    assert plain.shape == (2, 2, 2, 3)
+    np.testing.assert_array_equal(images[..., :3], plain)
+    np.testing.assert_array_equal(images[0, ..., 3], 255 * mask.numpy())
+
+
+def test_files_of_ranges_are_described_by_their_content(tmp_path: Path) -> None:
+    path = tmp_path / "scenes.toml"
+    with pytest.raises(InputError, match=r"no file of ranges .*scenes\.toml"):
+        Budget(ranges=str(path)).to_attributes()
+    path.write_text('base = "phone"\n')
+    described = Budget(ranges=str(path)).to_attributes()["ranges"]
+    assert described.startswith("scenes.toml, sha256 ") and str(tmp_path) not in described
+    assert Budget(ranges="phone").to_attributes()["ranges"] == "phone"
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+def test_the_scenes_of_the_screening_can_be_rendered(path: Path) -> None:
+    ranges = load_ranges(path)
+    assert set(ranges.leaf) == set(load_ranges("rendering_2").leaf)
+    longest = max(leaf.length_mm[1] for _, leaf in ranges.leaf.values())
+    # A whole leaf fits into the widest view, so that the scale of a fixed view is never reduced.
+    assert longest < 0.9 * ranges.camera.farthest_mm

@@ -84,9 +84,9 @@ class TableSchedule(keras.optimizers.schedules.LearningRateSchedule):
         self.steps = steps
         self.table = tf.Variable(tf.zeros([steps]), trainable=False, name="rates")
 
-    def set_schedule(self, schedule: str, *, peak: float, final: float) -> None:
-        """Set the table to a schedule of SCHEDULES over its length."""
-        rates = SCHEDULES[schedule](tf.range(self.steps), peak=peak, final=final, steps=self.steps)
+    def set_schedule(self, schedule: str, *, peak: float, final: float, steps: int | None = None) -> None:
+        """Set the table to a schedule of SCHEDULES over `steps`, or its whole length."""
+        rates = SCHEDULES[schedule](tf.range(self.steps), peak=peak, final=final, steps=steps or self.steps)
         self.table.assign(rates)
 
     def __call__(self, step: Any) -> tf.Tensor:

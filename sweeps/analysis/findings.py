@@ -20,14 +20,19 @@ def describe_study(name: str, records: Sequence[TrialRecord], attributes: Mappin
     if "budget" not in attributes:
         return f"- {name}: its budget is not known."
     budget = (
-        "- {name}: {steps} steps of {batch_size} images of {size} px out of {pictures}, validated on "
+        "- {name}: {steps} steps of {batch_size} images of {size} px out of {pictures}{scenes}, validated on "
         "{validation}; Large is MobileNetV3 {large} from {weights_large}, Small from {weights_small}."
-    ).format(name=name, **attributes["budget"])
+    ).format(name=name, scenes=_describe_scenes(attributes["budget"]), **attributes["budget"])
     if "guess_mre" not in attributes:
         return budget
     guess = attributes["guess_mre"]
     below = sum(record.mre < guess for record in records)
     return f"{budget} A constant guess has an MRE of {guess:.1f} %: {below} of {len(records)} are below."
+
+
+def _describe_scenes(budget: Mapping[str, Any]) -> str:
+    """Return " of SCENES", or nothing for a study of before budgets named their scenes."""
+    return f" of {budget['ranges']}" if "ranges" in budget else ""
 
 
 def describe_finalists(

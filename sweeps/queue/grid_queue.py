@@ -20,6 +20,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from laesi_tf.common.progress import progress_bar
 from sweeps.queue import optuna_adapter
+from sweeps.queue.optuna_adapter import TrialSummary
 from sweeps.queue.study_storage import StudyStorage
 from sweeps.queue.trial_queue import COUNTS, JOB, REASON, SEED, ClaimedTrial, Job, TrialQueue
 
@@ -37,12 +38,26 @@ class JobHistory:
     @property
     def failure_count(self) -> int:
         """Failures that count against the job; a user who stops the worker does not."""
-        return sum(trial.user_attrs.get(COUNTS, True) for trial in self.failed)
+        return _count_failures(self.failed)
+
+
+@dataclass
+class _JobState:
+    """The trials of a job by state, without what only readers of results need."""
+
+    is_complete: bool = False
+    is_running: bool = False
+    waiting: list[TrialSummary] = field(default_factory=list)
+    failed: list[TrialSummary] = field(default_factory=list)
 
     @property
-    def needs_trial(self) -> bool:
+    def is_due(self) -> bool:
         """Whether no trial is complete, running or waiting: the job is due for a retry, or was given up."""
-        return not (self.complete or self.running or self.waiting)
+        return not (self.is_complete or self.is_running or self.waiting)
+
+
+def _count_failures(failed: Iterable[FrozenTrial | TrialSummary]) -> int:
+    return sum(trial.user_attrs.get(COUNTS, True) for trial in failed)
 
 
 class GridQueue(TrialQueue):
@@ -62,11 +77,12 @@ class GridQueue(TrialQueue):
             factor: CategoricalDistribution(levels) for factor, levels in factors.items()
         }
         self._waiting: list[ClaimedTrial] = []
+        self._jobs: dict[str, Job] = {}
 
     def enqueue(self, jobs: Iterable[Job]) -> int:
         """Add the `jobs` that the study does not have yet; return how many."""
         with self.storage.lock():
-            known = self.job_histories()
+            known = self._read_states()
             missing = [job for job in jobs if job.name not in known]
             for job in progress_bar(missing, desc="queueing", unit="job"):
                 self._queue_job(job)
@@ -83,10 +99,10 @@ class GridQueue(TrialQueue):
         Trials of the previous one's group come first, then those of a group that no other worker is at.
         """
         with self.storage.lock():
-            claim = self._take_first(self._waiting)
+            claim = self._take_first()
             if claim is None:
                 self._waiting = self._next_group()
-                claim = self._take_first(self._waiting)
+                claim = self._take_first()
         return claim
 
     def fail(self, claim: ClaimedTrial, reason: str, *, counts: bool = True) -> None:
@@ -102,14 +118,14 @@ class GridQueue(TrialQueue):
 
     def expected_total(self) -> int:
         """Return how many jobs the study has."""
-        return len(self.job_histories())
+        return len(self._read_states())
 
     def list_given_up(self) -> dict[str, list[str]]:
         """Return the reasons of each job that failed too often to be retried, by the job's name."""
         return {
-            name: [trial.user_attrs.get(REASON, "") for trial in history.failed]
-            for name, history in self.job_histories().items()
-            if history.needs_trial
+            name: [trial.user_attrs.get(REASON, "") for trial in state.failed]
+            for name, state in self._read_states().items()
+            if state.is_due
         }
 
     def job_histories(self) -> dict[str, JobHistory]:
@@ -126,15 +142,48 @@ class GridQueue(TrialQueue):
                 by_state.get(trial.state, history.failed).append(trial)
         return histories
 
-    def _requeue_missing(self) -> None:
+    def _requeue_missing(self) -> dict[str, _JobState]:
+        """Do what `requeue_missing` does; return the states of the jobs from which it was done."""
         self._fail_stale_trials()
-        for history in self.job_histories().values():
-            is_under_way = history.complete or history.running
+        states = self._read_states()
+        if states.keys() - self._jobs.keys():
+            self._read_jobs()
+        has_changed = False
+        for name, state in states.items():
+            is_under_way = state.is_complete or state.is_running
             # Optuna repeats the creation of a trial whose connection broke, even if it had succeeded.
-            for trial in history.waiting[0 if is_under_way else 1 :]:
-                self._fail_trial(optuna_adapter.trial_id(trial), "queued twice", counts=False)
-            if history.needs_trial and history.failure_count <= self.storage.policy.retries:
-                self._queue_job(history.job)
+            for trial in state.waiting[0 if is_under_way else 1 :]:
+                self._fail_trial(trial.trial_id, "queued twice", counts=False)
+            if state.is_due and _count_failures(state.failed) <= self.storage.policy.retries:
+                self._queue_job(self._jobs[name])
+                has_changed = True
+        return self._read_states() if has_changed else states
+
+    def _read_states(self) -> dict[str, _JobState]:
+        """Return the states of all jobs, by name."""
+        states: dict[str, _JobState] = {}
+        for trial in optuna_adapter.summarise_trials(self.storage.rdb, self.study_id, (JOB, REASON, COUNTS)):
+            state = states.setdefault(trial.user_attrs[JOB], _JobState())
+            if trial.state is TrialState.COMPLETE:
+                state.is_complete = True
+            elif trial.state is TrialState.RUNNING:
+                state.is_running = True
+            elif trial.state is TrialState.WAITING:
+                state.waiting.append(trial)
+            else:
+                state.failed.append(trial)
+        return states
+
+    def _read_jobs(self) -> None:
+        """Read the levels and seeds of all jobs, which never change."""
+        rdb, study = self.storage.rdb, self.study_id
+        parameters = optuna_adapter.read_parameters(rdb, study)
+        for trial in optuna_adapter.summarise_trials(rdb, study, (JOB, SEED)):
+            name = trial.user_attrs[JOB]
+            if name not in self._jobs:
+                positions = parameters[trial.trial_id]
+                levels = {f: d.to_external_repr(positions[f]) for f, d in self._distributions.items()}
+                self._jobs[name] = Job(name, levels, trial.user_attrs[SEED])
 
     def _queue_job(self, job: Job) -> None:
         trial = optuna.create_trial(
@@ -145,10 +194,13 @@ class GridQueue(TrialQueue):
         )
         self.storage.rdb.create_new_trial(self.study_id, trial)
 
-    def _take_first(self, waiting: list[ClaimedTrial]) -> ClaimedTrial | None:
-        """Claim the first of `waiting` that no other worker has; remove it and those before it."""
-        while waiting:
-            claim = waiting.pop(0)
+    def _take_first(self) -> ClaimedTrial | None:
+        """Claim the first trial of this worker's group that no other worker has claimed."""
+        if self._waiting:
+            free = optuna_adapter.waiting_trial_ids(self.storage.rdb, self.study_id)
+            self._waiting = [claim for claim in self._waiting if claim.trial_id in free]
+        while self._waiting:
+            claim = self._waiting.pop(0)
             if self._take(claim.trial_id):
                 return claim
         return None
@@ -167,17 +219,17 @@ class GridQueue(TrialQueue):
 
     def _next_group(self) -> list[ClaimedTrial]:
         """Return the waiting trials of one group, in the order of their jobs."""
-        self._requeue_missing()
         groups: dict[Any, list[ClaimedTrial]] = {}
         busy = set()
-        for history in self.job_histories().values():
-            group = self._group(history.job)
-            if history.running:
+        for name, state in self._requeue_missing().items():
+            job = self._jobs[name]
+            group = self._group(job)
+            if state.is_running:
                 busy.add(group)
-            elif history.waiting and not history.complete:
-                trial = history.waiting[0]
-                reasons = tuple(failed.user_attrs.get(REASON, "") for failed in history.failed)
-                claim = ClaimedTrial(optuna_adapter.trial_id(trial), trial.number, history.job, reasons)
+            elif state.waiting and not state.is_complete:
+                trial = state.waiting[0]
+                reasons = tuple(failed.user_attrs.get(REASON, "") for failed in state.failed)
+                claim = ClaimedTrial(trial.trial_id, trial.number, job, reasons)
                 groups.setdefault(group, []).append(claim)
         free = [claims for group, claims in groups.items() if group not in busy]
         chosen = next(itertools.chain(free, sorted(groups.values(), key=len, reverse=True)), [])

@@ -3,13 +3,26 @@
 Checked with Optuna 5. tests/test_sweep_optuna_adapter.py fails when an Optuna release changes one of them.
 """
 
-from collections.abc import Sequence
+import json
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import optuna
 import sqlalchemy
 from optuna.storages import BaseStorage, RDBStorage
 from optuna.study import Study
 from optuna.trial import FrozenTrial, TrialState
+
+
+@dataclass(frozen=True)
+class TrialSummary:
+    """A trial without its parameters, values and heartbeats, and with some of its user attributes only."""
+
+    trial_id: int
+    number: int
+    state: TrialState
+    user_attrs: dict[str, Any] = field(default_factory=dict)
 
 
 def trial_id(trial: FrozenTrial | optuna.Trial) -> int:
@@ -39,6 +52,46 @@ def count_trials(storage: RDBStorage, study: int) -> dict[TrialState, int]:
         rows = connection.execute(sqlalchemy.text(query), {"study": study})
         counts = {TrialState[state]: int(count) for state, count in rows}
     return {state: counts.get(state, 0) for state in TrialState}
+
+
+def summarise_trials(storage: RDBStorage, study: int, attributes: Collection[str]) -> list[TrialSummary]:
+    """Return all trials of a study, by number, with the user attributes of these names.
+
+    Optuna reads trials with all that belongs to them: a second for a thousand, and workers wait for one
+    another meanwhile.
+    """
+    query = sqlalchemy.text(
+        "SELECT t.trial_id, t.number, t.state, a.key, a.value_json FROM trials t "
+        "LEFT JOIN trial_user_attributes a ON a.trial_id = t.trial_id AND a.key IN :names "
+        "WHERE t.study_id = :study ORDER BY t.number"
+    ).bindparams(sqlalchemy.bindparam("names", list(attributes), expanding=True))
+    trials: dict[int, TrialSummary] = {}
+    with storage.engine.connect() as connection:
+        for trial, number, state, key, text in connection.execute(query, {"study": study}):
+            summary = trials.setdefault(trial, TrialSummary(trial, number, TrialState[state]))
+            if key is not None:
+                summary.user_attrs[key] = json.loads(text)
+    return list(trials.values())
+
+
+def read_parameters(storage: RDBStorage, study: int) -> dict[int, dict[str, float]]:
+    """Return the parameters of each trial of a study as stored: the position of a categorical level."""
+    query = (
+        "SELECT p.trial_id, p.param_name, p.param_value FROM trial_params p "
+        "JOIN trials t ON t.trial_id = p.trial_id WHERE t.study_id = :study"
+    )
+    parameters: dict[int, dict[str, float]] = {}
+    with storage.engine.connect() as connection:
+        for trial, name, value in connection.execute(sqlalchemy.text(query), {"study": study}):
+            parameters.setdefault(trial, {})[name] = value
+    return parameters
+
+
+def waiting_trial_ids(storage: RDBStorage, study: int) -> set[int]:
+    """Return the ids of the trials that wait to be claimed."""
+    query = "SELECT trial_id FROM trials WHERE study_id = :study AND state = 'WAITING'"
+    with storage.engine.connect() as connection:
+        return {int(trial) for (trial,) in connection.execute(sqlalchemy.text(query), {"study": study})}
 
 
 def resume_trial(study: Study, trial: int) -> optuna.Trial:

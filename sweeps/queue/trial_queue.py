@@ -125,9 +125,12 @@ class TrialQueue(abc.ABC):
 
     def finish(self, claim: ClaimedTrial, values: Sequence[float], attributes: Mapping[str, Any]) -> bool:
         """Complete the trial; false if it was counted as lost: another worker then completes its job."""
+        # A transaction each, so before the lock, for which other workers wait.
+        if not self._set_attributes(claim.trial_id, attributes):
+            return self._has_state(claim.trial_id, TrialState.COMPLETE)
         # Under the lock: SQLite may otherwise complete a trial that another worker has just failed.
         with self.storage.lock():
-            return self._end_trial(claim.trial_id, TrialState.COMPLETE, attributes, values)
+            return self._end_trial(claim.trial_id, TrialState.COMPLETE, {}, values)
 
     def fail(self, claim: ClaimedTrial, reason: str, *, counts: bool = True) -> None:
         """Fail the trial for `reason`; `counts` is whether the failure counts against its job."""
@@ -164,11 +167,22 @@ class TrialQueue(abc.ABC):
         It has already ended in `state` if the connection broke after it was ended: no other worker completes
         a claimed trial.
         """
-        rdb = self.storage.rdb
+        if not self._set_attributes(trial_id, attributes):
+            return self._has_state(trial_id, state)
+        try:
+            self.storage.rdb.set_trial_state_values(trial_id, state, values)
+        except UpdateFinishedTrialError:
+            return self._has_state(trial_id, state)
+        return True
+
+    def _set_attributes(self, trial_id: int, attributes: Mapping[str, Any]) -> bool:
+        """Set user attributes of a trial; false if it has ended."""
         try:
             for key, value in attributes.items():
-                rdb.set_trial_user_attr(trial_id, key, value)
-            rdb.set_trial_state_values(trial_id, state, values)
+                self.storage.rdb.set_trial_user_attr(trial_id, key, value)
         except UpdateFinishedTrialError:
-            return rdb.get_trial(trial_id).state is state
+            return False
         return True
+
+    def _has_state(self, trial_id: int, state: TrialState) -> bool:
+        return self.storage.rdb.get_trial(trial_id).state is state

@@ -1,4 +1,4 @@
-"""Resources of a trial: image size, numbers of images and steps, initial weights; and their options."""
+"""Resources of a trial: scenes, image size, images, steps, initial weights; and their options."""
 
 import argparse
 import dataclasses
@@ -10,7 +10,7 @@ from laesi_tf.common.atomic_files import short_sha256
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.schema import add_option_arguments, check_fields, format_default, option
 from laesi_tf.training.config import TrainConfig
-from sweeps.trials.search_space import FINAL_LEARNING_RATE, LEARNING_RATE, Point
+from sweeps.trials.search_space import LEARNING_RATES, Point
 
 EVALUATION_BATCH = 64
 """Validation images that a network gets at once; every other batch size would be traced anew."""
@@ -25,6 +25,9 @@ class Budget:
     replace it, then from scratch as well, so that the starting points differ in their weights alone.
     """
 
+    ranges: str = option(
+        "rendering_2", "scenes: a preset or the PATH of a TOML file of ranges", metavar="NAME|FILE"
+    )
     size: int = option(64, "side of images in pixels", low=32, high=4096, metavar="N")
     batch_size: int = option(32, "images per step", low=1, metavar="N")
     steps: int = option(80, "steps of a trial", low=1, metavar="N")
@@ -33,6 +36,12 @@ class Budget:
         256, f"images to validate on, a multiple of {EVALUATION_BATCH}", low=1, metavar="N"
     )
     calibration: int = option(256, "images that batch normalisation is recalibrated on", low=1, metavar="N")
+    silhouette_steps: int = option(
+        0, "first steps, which see the leaf's silhouette in place of the image", low=0, metavar="N"
+    )
+    warm_start_steps: int = option(
+        0, "steps of a short run of each starting point that its trials start from", low=0, metavar="N"
+    )
     alpha: float = option(1.0, "width: factor on the number of channels", low=0.1, high=4.0, metavar="FACTOR")
     large: str = option("large", "network behind Large", choices=("large", "large_minimalistic"))
     weights_large: str = option(
@@ -46,10 +55,13 @@ class Budget:
         check_fields(self)
         if self.validation % EVALUATION_BATCH:
             raise InputError(f"validation = {self.validation} must be a multiple of {EVALUATION_BATCH}")
-        trained_on = self.steps * self.batch_size
+        # Of the images themselves: batch normalisation on silhouettes would not fit them.
+        trained_on = (self.steps - self.silhouette_steps) * self.batch_size
         if self.calibration > trained_on:
+            after = " after the silhouettes" if self.silhouette_steps else ""
             raise InputError(
-                f"calibration = {self.calibration} must be at most the {trained_on} images of all steps"
+                f"calibration = {self.calibration} must be at most the {max(0, trained_on)} images of all "
+                f"steps{after}"
             )
 
     def config(self, point: Point, seed: int) -> TrainConfig:
@@ -64,8 +76,9 @@ class Budget:
             steps=self.steps,
             optimizer=point.optimizer,
             schedule=point.schedule,
-            learning_rate=LEARNING_RATE,
-            final_learning_rate=FINAL_LEARNING_RATE,
+            learning_rate=point.learning_rate,
+            final_learning_rate=point.final_learning_rate,
+            ranges=self.ranges,
             augment=",".join(point.augmentations),
             seed=seed,
             validate_every=self.steps,
@@ -73,14 +86,16 @@ class Budget:
         )
 
     def to_attributes(self) -> dict[str, Any]:
-        """Return the study attribute of this budget; weights files by name and content, without their folder.
+        """Return the study attribute of this budget, with the learning rates of the grid.
 
-        Raises InputError for a weights file that is missing.
+        Files are described by name and content, without their folder. Raises InputError for one that is
+        missing.
         """
         weights = {
             name: _describe_weights(getattr(self, name)) for name in ("weights_large", "weights_small")
         }
-        return dataclasses.asdict(self) | weights
+        described = weights | {"ranges": _describe_ranges(self.ranges), "learning_rates": LEARNING_RATES}
+        return dataclasses.asdict(self) | described
 
 
 SCREENING = Budget()
@@ -90,9 +105,19 @@ FINAL = Budget(size=96, steps=240, pictures=8192, validation=512, calibration=51
 """For the points that are repeated."""
 
 
-def add_budget_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add an option for each field of Budget; an option that is not given leaves no attribute."""
-    add_option_arguments(parser, Budget, describe_default=_describe_default)
+def add_budget_arguments(parser: argparse.ArgumentParser, *presets: Budget) -> None:
+    """Add an option for each field of Budget; an option that is not given leaves no attribute.
+
+    The defaults that --help shows are those of `presets`: of the screening and of repeated points.
+    """
+
+    def describe_default(field: dataclasses.Field[Any]) -> str:
+        first, *others = (format_default(getattr(preset, field.name)) for preset in presets)
+        return (
+            first if all(other == first for other in others) else f"{first}; for repeated points {others[0]}"
+        )
+
+    add_option_arguments(parser, Budget, describe_default=describe_default)
 
 
 def budget_from_args(options: argparse.Namespace, preset: Budget) -> Budget:
@@ -101,15 +126,19 @@ def budget_from_args(options: argparse.Namespace, preset: Budget) -> Budget:
     return dataclasses.replace(preset, **{name: vars(options)[name] for name in names if name in options})
 
 
-def _describe_default(field: dataclasses.Field[Any]) -> str:
-    screening, final = (format_default(getattr(preset, field.name)) for preset in (SCREENING, FINAL))
-    return screening if screening == final else f"{screening}; for repeated points {final}"
-
-
 def _describe_weights(weights: str) -> str:
     if weights in (_IMAGENET, _FROM_SCRATCH):
         return weights
     path = Path(weights)
     if not path.is_file():
         raise InputError(f"no weights file {path}; pass imagenet, none or the path of a .weights.h5 file")
+    return f"{path.name}, sha256 {short_sha256(path)}"
+
+
+def _describe_ranges(ranges: str) -> str:
+    if not ranges.endswith(".toml"):
+        return ranges
+    path = Path(ranges)
+    if not path.is_file():
+        raise InputError(f"no file of ranges {path}; pass the name of a preset or the path of a .toml file")
     return f"{path.name}, sha256 {short_sha256(path)}"

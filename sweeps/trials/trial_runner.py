@@ -4,6 +4,7 @@ Building and tracing a network takes many times as long as a short trial. What d
 one compiled step is set as values at run time: initial weights, learning rates, augmentations.
 """
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -22,12 +23,14 @@ from laesi_tf.training.schedules import TableSchedule
 from laesi_tf.training.tasks import make_task
 from laesi_tf.training.trainer import Trainer, TrainingDiverged, train_steps
 from sweeps.trials.budget import Budget
-from sweeps.trials.search_space import FINAL_LEARNING_RATE, LEARNING_RATE, Point
+from sweeps.trials.search_space import FINAL_RATIO, Point
 from sweeps.trials.training_data import Batch, TrainingData
 
 NetworkKey = tuple[str, str]
 """The backbone and the optimizer of a compiled step."""
 _INFERENCE_REPEATS = 30
+_WARM_START = {"optimizer": "adam", "schedule": "linear", "augmentation": "none"}
+"""How the run that a warm start shares is trained: the same for all points, so that it favours none."""
 
 
 @dataclass(frozen=True)
@@ -63,34 +66,49 @@ class TrialRunner:
             config = self.budget.config(point, seed)
             network, self.weight_origins[point.start] = initialise_network(config)
             self._initial_weights[point.start, seed] = _copy_values(network.variables)
+            if self.budget.warm_start_steps:
+                self._warm_start(point, seed)
         if self.network_key(point) not in self._networks:
             self._networks[self.network_key(point)] = _CompiledNetwork(self.budget, point)
-            self._trace(self._reset(point, seed))
+            self._trace(self._reset(point, seed, point.learning_rate))
+
+    def _warm_start(self, point: Point, seed: int) -> None:
+        """Replace the initial weights of the start of `point` by those after a short run from them."""
+        shared, steps = Point(point.start, **_WARM_START), self.budget.warm_start_steps
+        self.prepare(shared, seed)
+        trainer = self._reset(shared, seed, shared.learning_rate, steps=steps)
+        batches = self.data.iterate_batches(shared.augmentations, seed)
+        for _ in train_steps(trainer, itertools.islice(batches, steps)):
+            pass
+        self._initial_weights[point.start, seed] = _copy_values(trainer.model.variables)
 
     def run(
         self,
         point: Point,
         seed: int,
         *,
+        learning_rate: float | None = None,
         check_timeout: Callable[[], None] = lambda: None,
         report_steps: Collection[int] = (),
         on_report: Callable[[int, float], None] = lambda step, mre: None,
     ) -> TrialOutcome:
         """Train `point` from its start. Raises TrainingDiverged when the loss or the MRE is not finite.
 
-        `check_timeout` is called before each step, `on_report` with the MRE in percent after each of
-        `report_steps`; an exception of either ends the trial.
+        `learning_rate` replaces that of the point. `check_timeout` is called before each step, `on_report`
+        with the MRE in percent after each of `report_steps`; an exception of either ends the trial.
         """
         self.prepare(point, seed)
-        trainer = self._reset(point, seed)
+        trainer = self._reset(point, seed, learning_rate or point.learning_rate)
         evaluation_s, evaluation_cpu_s = 0.0, 0.0
         losses: list[float] = []
         calibration: list[tf.Tensor] = []
         started, started_cpu = time.perf_counter(), time.process_time()
-        batches = _check_before_each(self.data.iterate_batches(point.augmentations, seed), check_timeout)
+        stream = itertools.islice(self.data.iterate_batches(point.augmentations, seed), self.budget.steps)
+        batches = _check_before_each(stream, check_timeout)
         for step in train_steps(trainer, batches):
             losses.append(step.loss)
-            if len(calibration) * self.budget.batch_size < self.budget.calibration:
+            is_silhouette = step.number <= self.budget.silhouette_steps
+            if not is_silhouette and len(calibration) * self.budget.batch_size < self.budget.calibration:
                 calibration.append(step.images)
             if step.number in report_steps:
                 results, spent, cpu = self._evaluate(trainer, calibration)
@@ -129,13 +147,15 @@ class TrialRunner:
             times_ms.append(1e3 * (time.perf_counter() - started))
         return min(times_ms)
 
-    def _reset(self, point: Point, seed: int) -> Trainer:
-        """Set the compiled step of `point` to the values that its trial starts from."""
+    def _reset(self, point: Point, seed: int, learning_rate: float, *, steps: int | None = None) -> Trainer:
+        """Set the compiled step of `point` to the values that its trial of `steps` starts from."""
         network = self._networks[self.network_key(point)]
         trainer = network.trainer
         _assign_values(trainer.model.variables, self._initial_weights[point.start, seed])
         _assign_values(optimizer_variables(trainer.optimizer), network.optimizer_values)
-        network.schedule.set_schedule(point.schedule, peak=LEARNING_RATE, final=FINAL_LEARNING_RATE)
+        network.schedule.set_schedule(
+            point.schedule, peak=learning_rate, final=FINAL_RATIO * learning_rate, steps=steps
+        )
         return trainer
 
     def _evaluate(
@@ -160,7 +180,7 @@ class _CompiledNetwork:
     def __init__(self, budget: Budget, point: Point) -> None:
         config = budget.config(point, 0)
         network, _ = initialise_network(config, origin="set before each trial")
-        self.schedule = TableSchedule(budget.steps)
+        self.schedule = TableSchedule(max(budget.steps, budget.warm_start_steps))
         self.trainer = Trainer(network, make_task(config), OPTIMIZERS[point.optimizer](self.schedule))
         self.optimizer_values = _copy_values(optimizer_variables(self.trainer.optimizer))
 

@@ -1,17 +1,11 @@
 """The entry point of a worker process."""
 
-import time
-
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
-from laesi_tf.common.errors import InputError
 from sweeps.queue.study_storage import quiet_optuna
-from sweeps.queue.trial_queue import TrialQueue
 from sweeps.workers import worker_pool
 from sweeps.workers.worker import run_trials
 from sweeps.workers.worker_settings import WorkerSettings
-
-_RETRY_PAUSE_S = 2.0
 
 
 def run_worker_process(settings: WorkerSettings) -> None:
@@ -33,18 +27,6 @@ def _run_worker(settings: WorkerSettings) -> None:
     tf.config.threading.set_intra_op_parallelism_threads(settings.threads)
     tf.config.threading.set_inter_op_parallelism_threads(settings.threads)
     runner = TrialRunner(settings.budget, TrainingData(settings.budget, threads=settings.threads))
-    queue = _open_queue(settings)
+    queue = settings.open_queue_patiently()
     objective = TrainingObjective(runner, queue, settings.folder)
     run_trials(queue, objective, should_continue=lambda: not worker_pool.supervisor_is_gone())
-
-
-def _open_queue(settings: WorkerSettings) -> TrialQueue:
-    """Open the study's queue; retry on errors, as the command has opened it: the database must be offline."""
-    started = time.monotonic()
-    while True:
-        try:
-            return settings.open_queue()
-        except InputError:
-            if time.monotonic() - started > settings.policy.patience_s:
-                raise
-            time.sleep(_RETRY_PAUSE_S)

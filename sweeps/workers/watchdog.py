@@ -1,5 +1,6 @@
 """Time limit and heartbeats of the trial that a worker runs."""
 
+import math
 import os
 import threading
 import time
@@ -46,6 +47,10 @@ class TrialWatchdog:
         """Start to count the trial's time: preparation is over."""
         self._started = time.monotonic()
         self._stuck_at = self._started + 2 * self._policy.time_limit_s
+
+    def stop_clock(self) -> None:
+        """Stop to count the trial's time: it has ended, and only its end remains to be recorded."""
+        self._started, self._stuck_at = 0.0, math.inf
 
     def check_timeout(self) -> None:
         """Raise TrialFailed once the trial has run for longer than its time limit."""

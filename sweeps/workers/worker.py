@@ -53,10 +53,20 @@ def run_trials(
 
 def _run_trial(queue: TrialQueue, watchdog: TrialWatchdog, claim: ClaimedTrial, objective: Objective) -> str:
     """Run a claimed trial and record how it ended; return the reason if it failed."""
+    # Heartbeats until the end is recorded: that may take longer than a lost worker is waited for.
+    with watchdog.watch(claim):
+        return _run_watched_trial(queue, watchdog, claim, objective)
+
+
+def _run_watched_trial(
+    queue: TrialQueue, watchdog: TrialWatchdog, claim: ClaimedTrial, objective: Objective
+) -> str:
     storage, started = queue.storage, time.monotonic()
     try:
-        with watchdog.watch(claim):
+        try:
             result = objective(claim, watchdog)
+        finally:
+            watchdog.stop_clock()
         if not all(math.isfinite(value) for value in result.values):
             raise TrialFailed(f"the result is not finite: {list(result.values)}")
     except (InputError, KeyboardInterrupt) as error:

@@ -1,8 +1,10 @@
 """What a worker process needs to open its study and to train."""
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from laesi_tf.common.errors import InputError
 from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import RetryPolicy, StudyStorage
@@ -10,6 +12,8 @@ from sweeps.queue.tpe_queue import TpeQueue
 from sweeps.queue.trial_queue import Job, TrialQueue
 from sweeps.trials.budget import Budget
 from sweeps.trials.search_space import FACTORS, Point
+
+_RETRY_PAUSE_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,20 @@ class WorkerSettings:
     def open_queue(self) -> TrialQueue:
         """Open the study's queue, which is created if it is missing. Raises InputError."""
         return self.open_search() if self.trials else self.open_grid()
+
+    def open_queue_patiently(self) -> TrialQueue:
+        """Open the study's queue for a worker; retry on errors.
+
+        The command has opened it, so the database must be offline. Raises InputError if it stays so.
+        """
+        started = time.monotonic()
+        while True:
+            try:
+                return self.open_queue()
+            except InputError:
+                if time.monotonic() - started > self.policy.patience_s:
+                    raise
+                time.sleep(_RETRY_PAUSE_S)
 
     def open_grid(self) -> GridQueue:
         """Open the queue of a grid, whose jobs are grouped by the compiled step that they share."""

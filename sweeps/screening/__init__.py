@@ -1,0 +1,1 @@
+"""The choice of the screening: which short budget ranks points as long trials do."""
