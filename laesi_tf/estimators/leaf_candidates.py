@@ -1,5 +1,6 @@
 """Candidates for leaves: connected components of a network's mask in a crop of the photo."""
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from laesi_tf.common.arrays import FloatMap, Mask, Points
 from laesi_tf.common.geometry import ImageSize, from_cv2_contour, pixel_centres
 from laesi_tf.data.letterbox import Letterbox
-from laesi_tf.estimators.leaf_colour import LeafColourParams
+from laesi_tf.estimators.leaf_colour import LeafColourParams, ThingColour, measure_colour
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 
@@ -152,6 +153,12 @@ class LeafCandidate:
         height, width = self.component.shape
         is_inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
         return is_inside & self.component[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+
+    @functools.cached_property
+    def colour(self) -> ThingColour:
+        """Its colour."""
+        inside = self.letterbox.crop_and_resize_back(self.component.astype(np.float32)) >= 0.5
+        return measure_colour(self.crop.image, inside, self.params.colour)
 
     def count_alike(self, candidates: Sequence["LeafCandidate"]) -> int:
         """Return how many of `candidates` have almost the same box."""

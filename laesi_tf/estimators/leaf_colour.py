@@ -6,6 +6,7 @@ well, so colour does not suffice to count a thing as leaf; but it suffices to lo
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -53,43 +54,14 @@ class LeafColour:
 
     crop: Crop
     """The whole photo in few pixels."""
-    lab: FloatMap
-    """float32 [h, w, 3], CIELAB relative to the sheet, as if that were white."""
     marked: Mask
-    """bool [h, w], True where it is a leaf's."""
+    """bool [h, w], True there."""
     near_found: Mask
     """bool [h, w], True on the leaves that were found, and close to them."""
     least_px: float
     """Smaller things are print."""
     params: LeafColourParams
     """Parameters it was found with."""
-
-    def median_within(self, outline: Points) -> NDArray[np.float32]:
-        """Return the median of `lab` [3] within `outline` [n, 2], photo pixels."""
-        inside = np.zeros(self.crop.size, np.uint8)
-        cv2.fillPoly(inside, [to_cv2_points(self.crop.from_photo(outline))], 1)
-        return np.median(self.lab[inside > 0], axis=0)
-
-    def is_green(self, outline: Points) -> bool:
-        """Return whether most within `outline` [n, 2], photo pixels, is green."""
-        return self._has_hue(outline, self.params.green_hues, self.params.min_green)
-
-    def is_leaf(self, outline: Points) -> bool:
-        """Return whether most within `outline` [n, 2], photo pixels, has the colour of leaves.
-
-        Everything has it on a photo without colours.
-        """
-        return self.is_grey or self._has_hue(outline, self.params.hues, self.params.min_difference)
-
-    @property
-    def is_grey(self) -> bool:
-        """Whether the photo has no colours."""
-        return bool(np.percentile(np.ptp(self.crop.image, axis=2), 99.9) <= self.params.max_grey)
-
-    def _has_hue(self, outline: Points, hues: tuple[float, float], least: float) -> bool:
-        _, a, b = self.median_within(outline)
-        low, high = hues
-        return bool(low < np.degrees(np.arctan2(b, a)) < high and np.hypot(a, b) > least)
 
     def find_things(self, within: Mask | None = None) -> list[Mask]:
         """Return the things, bool [h, w], that are none of the leaves that were found.
@@ -124,15 +96,51 @@ def find_leaf_colour(pyramid: PhotoPyramid, found: Sequence[Points], params: Lea
     cv2.fillPoly(leaves, [to_cv2_points(outline) for outline in outlines], 1)
     near = cv2.dilate(leaves, np.ones((7, 7), np.uint8)) > 0
     sheet = _see_sheet(crop.image, near, params.sheet_window)
-    # Relative to the sheet, as if in white light.
-    relative = cv2.blur(crop.image, (3, 3)).astype(np.float32) / np.maximum(sheet, 1)
-    lab = cv2.cvtColor(np.minimum(relative, 1), cv2.COLOR_RGB2LAB)
-    _, a, b = cv2.split(lab)
-    chroma, hue = np.hypot(a, b), np.degrees(np.arctan2(b, a))
-    low, high = params.hues
-    marked = ((chroma > params.min_difference) & (hue > low) & (hue < high)).astype(np.uint8)
+    lab = _to_relative_lab(cv2.blur(crop.image, (3, 3)), sheet)
+    marked = _has_hue(lab, params.hues, params.min_difference).astype(np.uint8)
     opened = cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    return LeafColour(crop, lab, opened > 0, near, least_px, params)
+    return LeafColour(crop, opened > 0, near, least_px, params)
+
+
+@dataclass(frozen=True, eq=False)
+class ThingColour:
+    """The colour of one thing on a sheet."""
+
+    lab: NDArray[np.float32]
+    """float32 [3], CIELAB relative to the sheet, as if that were white."""
+    is_known: bool
+    """False on a photo without colours."""
+
+    def is_green(self, params: LeafColourParams) -> bool:
+        """Return whether it is green."""
+        return bool(_has_hue(self.lab, params.green_hues, params.min_green))
+
+    def may_be_leaf(self, params: LeafColourParams) -> bool:
+        """Return whether leaves have it, or nothing is known."""
+        return not self.is_known or bool(_has_hue(self.lab, params.hues, params.min_difference))
+
+
+def measure_colour(image: RgbImage, thing: Mask, params: LeafColourParams) -> ThingColour:
+    """Measure the colour of `thing`, bool [h, w], on a crop, uint8 [h, w, 3], elsewhere mostly sheet."""
+    is_known = bool(thing.any() and np.percentile(np.ptp(image, axis=2), 99.9) > params.max_grey)
+    if not is_known:
+        return ThingColour(np.zeros(3, np.float32), is_known=False)
+    around = ~thing if not thing.all() else thing
+    within, sheet = np.median(image[thing], axis=0), np.median(image[around], axis=0)
+    return ThingColour(_to_relative_lab(within.reshape(1, 1, 3), sheet)[0, 0], is_known=True)
+
+
+def _to_relative_lab(image: NDArray[Any], sheet: NDArray[Any]) -> FloatMap:
+    """Return the colours of `image` [h, w, 3] in CIELAB as if `sheet`, which broadcasts to it, were white."""
+    relative = image.astype(np.float32) / np.maximum(sheet, 1).astype(np.float32)
+    return cv2.cvtColor(np.minimum(relative, 1), cv2.COLOR_RGB2LAB)
+
+
+def _has_hue(lab: NDArray[np.float32], hues: tuple[float, float], least: float) -> NDArray[np.bool_]:
+    """Return where colours [..., 3] have a hue between two and at `least` this saturation."""
+    a, b = lab[..., 1], lab[..., 2]
+    hue = np.degrees(np.arctan2(b, a))
+    return (hue > hues[0]) & (hue < hues[1]) & (np.hypot(a, b) > least)
 
 
 def _see_sheet(image: RgbImage, hidden: Mask, window: float) -> RgbImage:

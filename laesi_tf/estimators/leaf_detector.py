@@ -58,8 +58,7 @@ class LeafDetector:
             found = self._add_leaves_by_contrast(pyramid, found)
             found = found[:1] + self._confirm_at_lower_zoom(pyramid, found[1:])
             # What only tiles show may be ink.
-            colour = find_leaf_colour(pyramid, [leaf.outline() for leaf in found], params.colour)
-            return [leaf for leaf in found if colour.is_leaf(leaf.outline())]
+            return [leaf for leaf in found if leaf.colour.may_be_leaf(params.colour)]
         typical = float(np.median([candidate.length for candidate in found]))
         found = self._add_leaves_by_contrast(pyramid, found)
         if typical < params.tiled_below * longer:
@@ -93,17 +92,16 @@ class LeafDetector:
 
         What the photo cuts off is none and shows no leaf's colour: desks and rulers end there.
         """
-        whole = [candidate.outline() for candidate in found if not candidate.is_cut_off(pyramid.size)]
+        whole = [candidate for candidate in found if not candidate.is_cut_off(pyramid.size)]
         outlines = [candidate.outline() for candidate in found]
-        colour = find_leaf_colour(pyramid, outlines, self._params.colour)
-        boxes = colour.find_boxes()
+        boxes = find_leaf_colour(pyramid, outlines, self._params.colour).find_boxes()
         if not boxes or not whole:
             return found
-        leaves = np.stack([colour.median_within(outline) for outline in whole])
+        leaves = np.stack([candidate.colour.lab for candidate in whole])
 
         def looks_like_leaf(candidate: LeafCandidate) -> bool:
-            difference = leaves - colour.median_within(candidate.outline())
-            is_alike = np.linalg.norm(difference, axis=1).min() < self._params.max_colour_difference
+            difference = np.linalg.norm(leaves - candidate.colour.lab, axis=1).min()
+            is_alike = difference < self._params.max_colour_difference
             return bool(is_alike) and not candidate.is_cut_off(pyramid.size)
 
         return remove_duplicates(found + list(filter(looks_like_leaf, self._zoom_in(pyramid, boxes, 0.0))))

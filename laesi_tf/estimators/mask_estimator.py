@@ -10,7 +10,7 @@ from laesi_tf.common.arrays import RgbImage
 from laesi_tf.common.geometry import polygon_area
 from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams
-from laesi_tf.estimators.leaf_colour import find_leaf_colour
+from laesi_tf.estimators.leaf_colour import measure_colour
 from laesi_tf.estimators.leaf_detector import LeafDetector, MaskPredictor
 from laesi_tf.estimators.leaf_outline import (
     LeafOutline,
@@ -87,12 +87,12 @@ class MaskEstimator:
         outlines = [outline for outline in outlined if outline is not None]
         if len(outlines) > 1:
             leaves = [outline for outline in outlines if not looks_made(outline.polygon.outer, params)]
-            outlines = self._leave_out_coins(leaves or outlines, pyramid)
+            outlines = self._leave_out_coins(leaves or outlines)
         contours = [outline.polygon.outer for outline in outlines]
         boxes = np.array([[contour.min(axis=0), contour.max(axis=0)] for contour in contours])
         return [outlines[index] for index in sort_in_reading_order(boxes.reshape(-1, 2, 2))]
 
-    def _leave_out_coins(self, outlines: list[LeafOutline], pyramid: PhotoPyramid) -> list[LeafOutline]:
+    def _leave_out_coins(self, outlines: list[LeafOutline]) -> list[LeafOutline]:
         """Return `outlines` without coins: round, not green, and smaller than the largest of the others."""
         params = self.params.outline
         contours = [outline.polygon.outer for outline in outlines]
@@ -101,9 +101,13 @@ class MaskEstimator:
             return outlines
         areas = [abs(polygon_area(contour)) for contour in contours]
         largest = max((area for area, coin in zip(areas, is_coin, strict=True) if not coin), default=0.0)
-        colour = find_leaf_colour(pyramid, contours, self.params.detector.colour)
+        colour = self.params.detector.colour
+
+        def is_leaf(outline: LeafOutline) -> bool:
+            return measure_colour(outline.crop.image, outline.mask, colour).is_green(colour)
+
         return [
             outline
             for outline, area, coin in zip(outlines, areas, is_coin, strict=True)
-            if not coin or area >= largest or colour.is_green(outline.polygon.outer)
+            if not coin or area >= largest or is_leaf(outline)
         ]
