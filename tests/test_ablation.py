@@ -29,6 +29,9 @@ def test_each_component_is_removed_and_alone() -> None:
     assert by_name["only", "coin"].reference == ablation.BARE
     with pytest.raises(InputError, match="no component 'snow'"):
         ablation.read_groups("phone", ["weather=coin+snow"])
+    for arguments in (["things=coin", "things=pen"], ["=coin"], ["x/y=coin"]):
+        with pytest.raises(InputError, match="a name of its own"):
+            ablation.read_groups("phone", arguments)
 
 
 def test_groups_change_together() -> None:
@@ -59,7 +62,7 @@ def test_command_trains_each_once_and_writes_table_and_chart(
 
     def fit(config: TrainConfig, out: Path, **_: Any) -> None:
         assert load_ranges(config.ranges) and config.steps == 7
-        trained.append(f"{out.parent.name} {config.seed}")
+        trained.append(f"{out.parents[1].name} {config.seed}")
         save_run(out, config.task)
 
     monkeypatch.setattr(ablation, "fit", fit)
@@ -79,6 +82,9 @@ def test_command_trains_each_once_and_writes_table_and_chart(
     assert {float(row["difference"]) for row in rows if row["change"]} == {0.0}
     ablate.main(arguments)
     assert len(trained) == 8
+    other = [*arguments[:2], "--components", "coin=coin+pen", *arguments[4:]]
+    ablate.main(other)
+    assert trained[8:] == [f"{folder} {seed}" for seed in (0, 1) for folder in ("without-coin", "only-coin")]
     with pytest.raises(InputError, match="other settings"):
         ablate.main([*arguments, "--size", "64"])
     without = make_photo_set(tmp_path / "b")("image,area_cm2\na.png,0.181\n")

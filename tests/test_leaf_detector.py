@@ -1,5 +1,7 @@
 """Detection of leaves on a sheet: all of them, each once, at any size, in reading order."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from green import LEAF, PAPER, mask_network
@@ -9,6 +11,7 @@ from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.estimators.base import PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.keras_networks import make_mask_estimator
 from laesi_tf.estimators.leaf_candidates import extract_candidates, remove_duplicates
+from laesi_tf.estimators.leaf_colour import LeafColourParams, measure_colour
 from laesi_tf.estimators.leaf_detector import LeafDetector
 from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX, PhotoPyramid
 from laesi_tf.models.inference import compile_inference
@@ -93,8 +96,11 @@ def test_neighbours_that_merge_in_one_crop_are_kept_apart() -> None:
     small, letterbox = letterbox_image(image, SIZE)
     blurred = ndimage.maximum_filter(network(small[np.newaxis])[0, ..., 0], (1, 3))
     (merged,) = extract_candidates(pyramid, pyramid.overview, blurred, letterbox, 0.5, apart[0].params)
-    assert len(remove_duplicates([merged, *apart])) == 1
-    assert remove_duplicates([merged, *apart, *apart]) == apart
+    once = [replace(candidate, sightings=1) for candidate in apart]
+    assert len(remove_duplicates([merged, *once])) == 1
+    for candidates in ([merged, *once, *once], [merged, *remove_duplicates(once * 2)]):
+        kept = remove_duplicates(candidates)
+        assert [candidate.sightings for candidate in kept] == [2, 2]
 
 
 def test_ink_that_only_tiles_show_is_no_leaf() -> None:
@@ -110,6 +116,30 @@ def test_ink_that_only_tiles_show_is_no_leaf() -> None:
     assert LeafDetector(see_dark, SIZE).find_leaves(PhotoPyramid(image)) == []
     image[440:446, 600:640] = LEAF
     assert len(LeafDetector(see_dark, SIZE).find_leaves(PhotoPyramid(image))) == 1
+
+
+@pytest.mark.parametrize("sheet", [(240, 235, 230), (25, 25, 28)])
+@pytest.mark.parametrize("leaf", [(60, 110, 40), (150, 40, 45), (190, 170, 60), (110, 80, 50)])
+def test_leaves_are_no_ink_on_any_sheet(sheet: tuple[int, int, int], leaf: tuple[int, int, int]) -> None:
+    image = np.full((60, 60, 3), sheet, np.uint8)
+    thing = np.zeros((60, 60), bool)
+    thing[20:40, 20:40] = True
+    image[thing] = leaf
+    params = LeafColourParams()
+    assert measure_colour(image, thing, params).is_ink(params) is False
+
+
+def test_ink_and_what_is_known_without_colours() -> None:
+    params, thing = LeafColourParams(), np.zeros((60, 60), bool)
+    thing[20:40, 20:40] = True
+    for ink in [(25, 25, 30), (30, 50, 150)]:
+        image = np.full((60, 60, 3), (240, 225, 215), np.uint8)
+        image[thing] = ink
+        assert measure_colour(image, thing, params).is_ink(params)
+    grey = np.full((60, 60, 3), 200, np.uint8)
+    grey[thing] = 40
+    assert not measure_colour(grey, thing, params).is_ink(params)
+    assert not measure_colour(grey, np.zeros((60, 60), bool), params).is_known
 
 
 def test_small_fragments_are_no_leaves() -> None:

@@ -61,4 +61,4 @@ def test_a_run_that_skipped_a_step_is_saved_where_it_is_stopped(
 
 def test_a_task_without_a_backbone_has_no_mixed_precision() -> None:
     with pytest.raises(InputError, match="task 'ruling' has none"):
-        tiny_config(task="ruling", precision="mixed_float16")
+        tiny_config(task="ruling", size=64, precision="mixed_float16")

@@ -12,7 +12,7 @@ from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.keras_networks import make_area_estimator, make_mask_estimator
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
-from laesi_tf.estimators.ruling_estimator import RulingEstimator
+from laesi_tf.estimators.ruling_estimator import NO_LEAF_ON_SHEET, RulingEstimator
 
 SIZE = (96, 96)
 MILLIMETRES = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
@@ -142,3 +142,24 @@ def test_what_lies_beside_the_sheet_is_no_leaf(ruling_estimator: RulingEstimator
     (leaf,) = measured.leaves
     assert leaf.outline is not None and leaf.outline[:, 0].max() < 400
     assert measured.note is not None and "not counted: 1" in measured.note
+
+
+def test_a_leaf_at_the_sheets_edge_hides_its_lines_and_counts(ruling_estimator: RulingEstimator) -> None:
+    image = draw_photo(View(600, 900, px_per_mm=6.0, turn=0.0), MILLIMETRES).astype(np.uint8)
+    image[:, 700:] = (120, 90, 70)
+    image[:, 450:700] = 236
+    for middle in ((200, 300), (570, 300)):
+        cv2.circle(image, middle, 90, LEAF, -1)
+    measured = ruling_estimator.measure(image)
+    assert measured.refusal is None, measured.refusal
+    assert len(measured.leaves) == 2
+
+
+def test_lines_of_what_lies_around_a_scrap_of_paper_are_not_its_ruling(
+    ruling_estimator: RulingEstimator,
+) -> None:
+    cloth = draw_photo(View(600, 900, px_per_mm=6.0, turn=0.0), MILLIMETRES).astype(float)
+    image = (cloth * (0.55, 0.2, 0.22)).astype(np.uint8)
+    image[180:430, 280:620] = (236, 232, 225)
+    cv2.circle(image, (450, 300), 60, LEAF, -1)
+    assert ruling_estimator.measure(image).refusal == NO_LEAF_ON_SHEET

@@ -6,11 +6,13 @@ from hypothesis import strategies as st
 
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.sheet_colour import SheetColour, SheetColourParams
+from laesi_tf.models.ruling_cells import CELL_PX, FRAME_CELLS
 
 PARAMS = SheetColourParams()
 PAPER, WOOD = np.array([232.0, 226, 214]), np.array([150.0, 100, 60])
-RULED = np.array([[0.0, 0], [500, 0], [500, 900], [0, 900]])
-"""The ruled part that was read: the left of the sheet, which goes on to x = 1,000."""
+RULED = np.zeros((FRAME_CELLS, FRAME_CELLS), bool)
+RULED[: 900 // CELL_PX, : 500 // CELL_PX] = True
+"""The cells that were read: the left of the sheet, which goes on to x = 1,000."""
 
 
 def draw_photo(light: np.ndarray) -> np.ndarray:
@@ -31,7 +33,22 @@ def draw_leaf(image: np.ndarray, x: float) -> np.ndarray:
 
 
 def measure_likeness(image: np.ndarray, leaf: np.ndarray) -> float:
-    return SheetColour(PhotoPyramid(image).overview, RULED, PARAMS).measure_likeness(leaf)
+    return SheetColour(PhotoPyramid(image).overview, RULED, [leaf], PARAMS).measure_likeness(leaf)
+
+
+def test_neighbours_are_no_sheet_and_no_surroundings() -> None:
+    image = draw_photo(np.ones(3))
+    leaves = [draw_leaf(image, x) for x in range(80, 480, 130)]
+    colour = SheetColour(PhotoPyramid(image).overview, RULED, leaves, PARAMS)
+    assert min(colour.measure_likeness(leaf) for leaf in leaves) > PARAMS.least_share
+
+
+def test_nothing_is_said_where_little_of_the_sheet_is_seen() -> None:
+    image = draw_photo(np.ones(3))
+    leaf = draw_leaf(image, 900)
+    assert np.isnan(
+        SheetColour(PhotoPyramid(image).overview, np.zeros_like(RULED), [leaf], PARAMS).measure_likeness(leaf)
+    )
 
 
 @given(x=st.floats(580, 880), light=st.tuples(*[st.floats(0.6, 1.05)] * 3))

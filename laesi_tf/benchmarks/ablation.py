@@ -7,7 +7,9 @@ network alone, since refinement hides what a network has learned.
 """
 
 import dataclasses
+import hashlib
 import json
+import re
 import shutil
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -76,6 +78,11 @@ class Variant:
         return f"{self.change}-{self.component}".strip("-").replace(" ", "-")
 
     @property
+    def digest(self) -> str:
+        """What its scenes are, so that groups of the same name but other members are told apart."""
+        return hashlib.sha256(ranges_to_toml(self.ranges).encode()).hexdigest()[:12]
+
+    @property
     def reference(self) -> str:
         """What it is compared with."""
         return ALL if self.change == "without" else BARE
@@ -88,10 +95,13 @@ def read_groups(ranges: str, arguments: Sequence[str] = ()) -> dict[str, tuple[s
     ranges lack. Empty sheets stay as they are: they are no part of what an image looks like.
     """
     known = _list_components(load_ranges(ranges))
-    groups = {}
+    groups: dict[str, tuple[str, ...]] = {}
     for argument in arguments or known:
-        name, _, members = argument.rpartition("=")
-        groups[name or argument] = tuple(members.split("+"))
+        name, is_group, members = argument.rpartition("=")
+        name = name if is_group else argument
+        if not re.fullmatch(r"[\w-]+", name) or name in groups:
+            raise InputError(f"{argument!r}: a group needs a name of its own, of letters, digits, _ and -")
+        groups[name] = tuple(members.split("+"))
     for component in (component for members in groups.values() for component in members):
         if component not in known:
             raise InputError(
@@ -149,7 +159,7 @@ class AblationRunner:
     def run(self, task: str, variant: Variant, seed: int) -> Scores:
         """Return the metrics of one network by set. Raises InputError; a stopped training continues."""
         networks = self.read_networks()
-        name = f"{task}/{variant.folder}/seed{seed}"
+        name = f"{task}/{variant.folder}/{variant.digest}/seed{seed}"
         if name not in networks:
             folder = self.out / name
             scene = folder.parent / _RANGES_FILE

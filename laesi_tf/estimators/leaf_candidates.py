@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -37,7 +37,7 @@ class LeafDetectorParams:
     """Least side of the first crop around a component of the overview, which often shows only a part."""
     first_crop_of_leaf: float = parameter(1.3, unit="typical leaf lengths")
     """Least side of the first crop around a component of a tile."""
-    min_colour_difference: float = parameter(24.0, unit="levels of 255")
+    min_contrast: float = parameter(24.0, unit="levels of 255")
     """Least difference between the colours of a leaf and its sheet."""
     confirmation_side: float = parameter(1.75, unit="leaf lengths")
     """Side of the wider crop in which all but the largest leaf must be found again."""
@@ -51,6 +51,10 @@ class LeafDetectorParams:
         0.9, unit="share of its pixels", set_on="semi-real photos with pasted leaves, 2026-11-30"
     )
     """A candidate of which smaller ones cover as much may be several leaves."""
+    part_area: tuple[float, float] = parameter(
+        (0.2, 0.7), unit="share of its area", set_on="semi-real photos with pasted leaves, 2026-11-30"
+    )
+    """Area of each of them, at least and at most."""
     max_rounds: int = parameter(5, unit="crops of one place")
     """Attempts to zoom in on a component."""
     max_crops: int = parameter(160, unit="crops")
@@ -74,8 +78,8 @@ class LeafDetectorParams:
     min_area_of_median: float = parameter(
         0.2, unit="median leaf area", set_on="sheets with punch holes and pen strokes, 2026-11-25"
     )
-    """The same for candidates from tiles and from colour where marks come close to small leaves."""
-    max_colour_difference: float = parameter(
+    """The same for candidates from tiles and by contrast, where marks come close to small leaves."""
+    max_difference_from_found: float = parameter(
         20.0,
         unit="CIELAB",
         set_on="semi-real photos with pasted leaves, rendered (split develop); 2026-11-30",
@@ -104,6 +108,8 @@ class LeafCandidate:
     """False where the component reaches a side of the crop beyond which the photo continues."""
     params: LeafDetectorParams
     """Parameters of the detector that found it."""
+    sightings: int = 1
+    """Number of crops that showed it."""
 
     @property
     def pixel_size(self) -> Points:
@@ -160,10 +166,12 @@ class LeafCandidate:
         inside = self.letterbox.crop_and_resize_back(self.component.astype(np.float32)) >= 0.5
         return measure_colour(self.crop.image, inside, self.params.colour)
 
-    def count_alike(self, candidates: Sequence["LeafCandidate"]) -> int:
-        """Return how many of `candidates` have almost the same box."""
+    def count_sightings(self, candidates: Sequence["LeafCandidate"]) -> int:
+        """Return how many crops showed one of `candidates` with almost the same box."""
         return sum(
-            largest_iou(self.box, other.box[np.newaxis]) > self.params.duplicate_iou for other in candidates
+            other.sightings
+            for other in candidates
+            if largest_iou(self.box, other.box[np.newaxis]) > self.params.duplicate_iou
         )
 
     def pixel_centres(self) -> Points:
@@ -245,7 +253,7 @@ def remove_duplicates(candidates: Sequence[LeafCandidate]) -> list[LeafCandidate
             and not _is_merged(candidate, ordered[index + 1 :], candidates)
         ):
             kept.append(candidate)
-    return kept
+    return [replace(candidate, sightings=candidate.count_sightings(candidates)) for candidate in kept]
 
 
 def _is_merged(
@@ -253,13 +261,19 @@ def _is_merged(
 ) -> bool:
     """Return whether more crops show two or more of the `smaller` candidates in place of `candidate`."""
     params, pixel = candidate.params, candidate.pixel_size
-    least, most = (share * candidate.area for share in (params.min_area_of_median, params.duplicate_iou))
+    least, most = (share * candidate.area for share in params.part_area)
     start, end = candidate.box[0] - pixel, candidate.box[1] + pixel
-    count = candidate.count_alike(candidates)
+    inside = [
+        part
+        for part in smaller
+        if least <= part.area <= most and (part.box[0] >= start).all() and (part.box[1] <= end).all()
+    ]
+    if len(inside) < 2:
+        return False
+    count = candidate.count_sightings(candidates)
     parts: list[LeafCandidate] = []
-    for part in smaller:
-        is_part = least <= part.area <= most and (part.box[0] >= start).all() and (part.box[1] <= end).all()
-        if is_part and part.count_alike(candidates) > count and not part.is_covered_by(parts):
+    for part in inside:
+        if part.count_sightings(candidates) > count and not part.is_covered_by(parts):
             parts.append(part)
     if len(parts) < 2:
         return False

@@ -17,6 +17,8 @@ from laesi_tf.common.geometry import pixel_centres, polygon_area, to_cv2_points
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid, shrink
 
+MAX_MEDIAN_SIDE = 255
+"""The largest window of OpenCV's median filter."""
 _SET_ON = "rendered (split develop), semi-real and phone scenes with pasted leaves, 2026-11-29"
 
 
@@ -32,16 +34,20 @@ class LeafColourParams:
     """Least difference of hue and saturation from the sheet: shadows have little of their own."""
     hues: tuple[float, float] = parameter((50.0, 160.0), unit="degrees", set_on="orange to blue-green")
     """Hues of the difference in CIELAB: 90 is yellow, 180 green."""
+    hues_from_red: tuple[float, float] = parameter(
+        (-30.0, 160.0), unit="degrees", set_on="purple to blue-green"
+    )
+    """Hues of leaves of any kind, which ink seldom has."""
     green_hues: tuple[float, float] = parameter(
         (115.0, 160.0), unit="degrees", set_on="coins of rendered (split develop), 2026-11-30"
     )
-    """The same, of green."""
+    """Hues of leaves that are green, which coins never are."""
     min_green: float = parameter(12.0, unit="CIELAB", set_on=_SET_ON)
     """Least saturation of what is green."""
     max_grey: float = parameter(6.0, unit="levels of 255", set_on="JPEG files of grey scans")
     """Red, green and blue differ at most so much on a photo without colours."""
     min_area_px: float = parameter(40.0, unit="pixels", set_on=_SET_ON)
-    """Smaller things are print."""
+    """Least area of a thing: what is smaller is print."""
     min_area: float = parameter(0.05, unit="median leaf's area", set_on=_SET_ON)
     """The same, relative to the leaves that were found."""
     found_share: float = parameter(0.2, unit="share of the thing", set_on=_SET_ON)
@@ -59,7 +65,7 @@ class LeafColour:
     near_found: Mask
     """bool [h, w], True on the leaves that were found, and close to them."""
     least_px: float
-    """Smaller things are print."""
+    """Least area of a thing in pixels of `crop`."""
     params: LeafColourParams
     """Parameters it was found with."""
 
@@ -95,7 +101,7 @@ def find_leaf_colour(pyramid: PhotoPyramid, found: Sequence[Points], params: Lea
     leaves = np.zeros(crop.size, np.uint8)
     cv2.fillPoly(leaves, [to_cv2_points(outline) for outline in outlines], 1)
     near = cv2.dilate(leaves, np.ones((7, 7), np.uint8)) > 0
-    sheet = _see_sheet(crop.image, near, params.sheet_window)
+    sheet = _estimate_sheet(crop.image, near, params.sheet_window)
     lab = _to_relative_lab(cv2.blur(crop.image, (3, 3)), sheet)
     marked = _has_hue(lab, params.hues, params.min_difference).astype(np.uint8)
     opened = cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -115,9 +121,9 @@ class ThingColour:
         """Return whether it is green."""
         return bool(_has_hue(self.lab, params.green_hues, params.min_green))
 
-    def may_be_leaf(self, params: LeafColourParams) -> bool:
-        """Return whether leaves have it, or nothing is known."""
-        return not self.is_known or bool(_has_hue(self.lab, params.hues, params.min_difference))
+    def is_ink(self, params: LeafColourParams) -> bool:
+        """Return whether it is black, grey, blue or violet."""
+        return self.is_known and not _has_hue(self.lab, params.hues_from_red, params.min_difference)
 
 
 def measure_colour(image: RgbImage, thing: Mask, params: LeafColourParams) -> ThingColour:
@@ -131,9 +137,13 @@ def measure_colour(image: RgbImage, thing: Mask, params: LeafColourParams) -> Th
 
 
 def _to_relative_lab(image: NDArray[Any], sheet: NDArray[Any]) -> FloatMap:
-    """Return the colours of `image` [h, w, 3] in CIELAB as if `sheet`, which broadcasts to it, were white."""
+    """Return the colours of `image` [h, w, 3] in CIELAB as if `sheet`, which broadcasts to it, were white.
+
+    What is brighter than the sheet, as leaves on black cloth are, keeps its hue.
+    """
     relative = image.astype(np.float32) / np.maximum(sheet, 1).astype(np.float32)
-    return cv2.cvtColor(np.minimum(relative, 1), cv2.COLOR_RGB2LAB)
+    relative /= np.maximum(relative.max(axis=-1, keepdims=True), 1)
+    return cv2.cvtColor(relative, cv2.COLOR_RGB2LAB)
 
 
 def _has_hue(lab: NDArray[np.float32], hues: tuple[float, float], least: float) -> NDArray[np.bool_]:
@@ -143,17 +153,17 @@ def _has_hue(lab: NDArray[np.float32], hues: tuple[float, float], least: float) 
     return (hue > hues[0]) & (hue < hues[1]) & (np.hypot(a, b) > least)
 
 
-def _see_sheet(image: RgbImage, hidden: Mask, window: float) -> RgbImage:
+def _estimate_sheet(image: RgbImage, hidden: Mask, window: float) -> RgbImage:
     """Return the colour of the sheet everywhere on `image`, uint8 [h, w, 3], where leaves hide it, too.
 
-    It is the median in a window with a side of so many shorter sides of the image.
+    It is the median in a window whose side is `window` times the shorter side of the image.
     """
     # It changes slowly: at half the size it takes a quarter of the time.
     half = tuple(max(1, side // 2) for side in hidden.shape[::-1])
     small = cv2.resize(image, half, interpolation=cv2.INTER_AREA)
     is_hidden = cv2.resize(hidden.astype(np.uint8), half, interpolation=cv2.INTER_AREA) > 0
     # OpenCV's large windows need 8 bits.
-    side = min(255, int(window * min(half)) | 1)
+    side = min(MAX_MEDIAN_SIDE, int(window * min(half)) | 1)
     channels = cv2.split(_fill_from_around(small, is_hidden))
     sheet = np.dstack([cv2.medianBlur(channel, side) for channel in channels])
     return cv2.resize(sheet, hidden.shape[::-1], interpolation=cv2.INTER_LINEAR)

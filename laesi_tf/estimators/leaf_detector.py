@@ -2,8 +2,9 @@
 
 The mask network was trained on images that a leaf fills to a third or more. In the overview of a whole sheet
 small leaves are blurred and merge, but most are visible. The photo is cropped around each, closer and closer,
-until the leaf fills its crop as in training. Where leaves turn out to be small, the photo is searched again
-in tiles, and by colour, for those that the overview misses.
+until the leaf fills its crop as in training. The overview misses some of several leaves: the photo is
+searched again for what stands out from the sheet, for what has the colour of the leaves found, and in tiles
+where leaves turn out to be small.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -24,14 +25,11 @@ from laesi_tf.estimators.leaf_candidates import (
     square_around,
     stack_boxes,
 )
-from laesi_tf.estimators.leaf_colour import find_leaf_colour
+from laesi_tf.estimators.leaf_colour import MAX_MEDIAN_SIDE, find_leaf_colour
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 
 MaskPredictor = Callable[[NDArray[np.uint8]], NDArray[np.float32]]
 """A mask network: uint8 [N, h, w, 3] -> leaf probability, float32 [N, h, w, 1]."""
-
-_MAX_MEDIAN_SIDE = 255
-"""The largest window of OpenCV's median filter."""
 
 
 class LeafDetector:
@@ -57,8 +55,8 @@ class LeafDetector:
             found = self._add_leaves_from_tiles(pyramid, found, params.blank_overview_leaf * longer)
             found = self._add_leaves_by_contrast(pyramid, found)
             found = found[:1] + self._confirm_at_lower_zoom(pyramid, found[1:])
-            # What only tiles show may be ink.
-            return [leaf for leaf in found if leaf.colour.may_be_leaf(params.colour)]
+            # Print and pen strokes look like leaves in tiles.
+            return [leaf for leaf in found if not leaf.colour.is_ink(params.colour)]
         typical = float(np.median([candidate.length for candidate in found]))
         found = self._add_leaves_by_contrast(pyramid, found)
         if typical < params.tiled_below * longer:
@@ -93,15 +91,15 @@ class LeafDetector:
         What the photo cuts off is none and shows no leaf's colour: desks and rulers end there.
         """
         whole = [candidate for candidate in found if not candidate.is_cut_off(pyramid.size)]
+        if not whole:
+            return found
         outlines = [candidate.outline() for candidate in found]
         boxes = find_leaf_colour(pyramid, outlines, self._params.colour).find_boxes()
-        if not boxes or not whole:
-            return found
         leaves = np.stack([candidate.colour.lab for candidate in whole])
 
         def looks_like_leaf(candidate: LeafCandidate) -> bool:
             difference = np.linalg.norm(leaves - candidate.colour.lab, axis=1).min()
-            is_alike = difference < self._params.max_colour_difference
+            is_alike = difference < self._params.max_difference_from_found
             return bool(is_alike) and not candidate.is_cut_off(pyramid.size)
 
         return remove_duplicates(found + list(filter(looks_like_leaf, self._zoom_in(pyramid, boxes, 0.0))))
@@ -122,10 +120,10 @@ class LeafDetector:
 
     def _segment_by_contrast(self, overview: RgbImage, letterbox: Letterbox) -> FloatMap:
         """Return 1 where `overview`, uint8 [h, w, 3], differs in colour from the sheet, else 0: float32."""
-        side = min(_MAX_MEDIAN_SIDE, min(letterbox.extent) // 3 | 1)
+        side = min(MAX_MEDIAN_SIDE, min(letterbox.extent) // 3 | 1)
         difference = cv2.absdiff(overview, cv2.medianBlur(overview, side)).max(axis=2)
         threshold, _ = cv2.threshold(difference, 0, 255, cv2.THRESH_OTSU)
-        marked = (difference > max(threshold, self._params.min_colour_difference)).astype(np.uint8)
+        marked = (difference > max(threshold, self._params.min_contrast)).astype(np.uint8)
         return cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(np.float32)
 
     def _drop_small(

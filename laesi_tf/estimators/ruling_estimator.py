@@ -14,7 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from laesi_tf.common.arrays import Mask, Points, RgbImage
+from laesi_tf.common.arrays import Mask, RgbImage
+from laesi_tf.common.geometry import polygon_area
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.estimators.leaf_outline import UNCERTAINTY_SET, LeafOutline, paint_masks
@@ -36,7 +37,7 @@ ROUGH_ESTIMATE = "rough estimate of a network, because {reason}"
 NO_GUESS = "the area model has no scale to guess several leaves with"
 OFF_SHEET = "possible leaves beside the ruled sheet, not counted: {count}"
 UNCOUNTED = "things on the sheet that have a leaf's colour, not counted: {count}"
-NO_LEAF_ON_SHEET = "no leaf found on the ruled sheet; lay one whole leaf on it"
+NO_LEAF_ON_SHEET = "no leaf found on the lines that were read; lay one whole leaf on the ruled sheet"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +108,7 @@ class RulingEstimator:
             sheet = reading_sheet.result()
         if sheet.camera is None:
             return self._measure_without_ruling(outlines, sheet, pyramid)
-        on_sheet = self._find_on_sheet(outlines, sheet.outline, pyramid.overview)
+        on_sheet = self._find_on_sheet(outlines, sheet, pyramid.overview)
         mask = paint_masks((outline.placed_mask for outline in on_sheet), pyramid.photo)
         if not on_sheet:
             return Measurement(
@@ -134,25 +135,29 @@ class RulingEstimator:
         )
 
     def _find_on_sheet(
-        self, outlines: list[LeafOutline], sheet: Points | None, overview: Crop
+        self, outlines: list[LeafOutline], sheet: SheetReading, overview: Crop
     ) -> list[LeafOutline]:
-        """Return the leaves on the sheet, whose ruled part has the convex outline `sheet` [N, 2]."""
-        if sheet is None or not outlines:
+        """Return the leaves that lie on the sheet: none if the largest lies on something else within it."""
+        ruled_part = sheet.outline
+        if ruled_part is None or sheet.ruled_cells is None:
             return outlines
-        params, colour = self.params, SheetColour(overview, sheet, self.params.sheet)
-
-        def lies_on(outline: LeafOutline) -> bool:
+        params, leaves = self.params, [outline.polygon.outer for outline in outlines]
+        colour = SheetColour(overview, sheet.ruled_cells, leaves, params.sheet)
+        on_sheet: list[LeafOutline] = []
+        for outline in sorted(outlines, key=lambda outline: -abs(polygon_area(outline.polygon.outer))):
             leaf = outline.polygon.outer
             hull = cv2.convexHull(leaf.astype(np.float32))
-            shared, _ = cv2.intersectConvexConvex(hull, sheet.astype(np.float32))
+            shared, _ = cv2.intersectConvexConvex(hull, ruled_part.astype(np.float32))
             is_within = shared >= params.on_sheet * cv2.contourArea(hull)
+            likeness = colour.measure_likeness(leaf)
+            if is_within and not likeness < params.sheet.least_share_within:
+                on_sheet.append(outline)
+            elif is_within and not on_sheet:
+                return []
             # A wedge of desk between the sheet and the photo's border is surrounded by paper, too.
-            if not is_within and outline.is_cut_off:
-                return False
-            least = params.sheet.least_share_within if is_within else params.sheet.least_share
-            return not colour.measure_likeness(leaf) < least
-
-        return [outline for outline in outlines if lies_on(outline)]
+            elif likeness >= params.sheet.least_share and not outline.is_cut_off:
+                on_sheet.append(outline)
+        return [outline for outline in outlines if outline in on_sheet]
 
     def _measure_leaf(self, outline: LeafOutline, camera: SheetCamera) -> LeafMeasurement:
         """Measure a leaf through the camera, corrected for its height above the paper."""

@@ -4,15 +4,17 @@ Leaves near an edge of the sheet hide its lines there. And cloth around a scrap 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from laesi_tf.common.arrays import Points
+from laesi_tf.common.arrays import Mask, Points
 from laesi_tf.common.geometry import to_cv2_points
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, shrink
+from laesi_tf.models.ruling_cells import CELL_PX
 
 _SET_ON = "semi-real photos with pasted leaves, rendered (split develop); 2026-11-30"
 
@@ -47,16 +49,27 @@ class SheetColourParams:
 class SheetColour:
     """The colours of a photo with a ruled sheet."""
 
-    def __init__(self, overview: Crop, sheet: Points, params: SheetColourParams) -> None:
-        """Take a photo's overview and the convex outline [n, 2] of the sheet's ruled part, photo pixels."""
+    def __init__(
+        self, overview: Crop, ruled_cells: Mask, leaves: Sequence[Points], params: SheetColourParams
+    ) -> None:
+        """Take a photo's overview, its cells that show the ruling, and the outlines of all leaves.
+
+        Cells are bool [C, C], of CELL_PX pixels of the overview; outlines [n, 2] are in photo pixels.
+        """
         self._params = params
         self._small = shrink(overview, params.side_px)
         mean = cv2.blur(self._small.image, (params.window_px, params.window_px))
         self._lab = cv2.cvtColor(mean.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
-        ruled = np.zeros(self._small.size, np.uint8)
-        cv2.fillConvexPoly(ruled, to_cv2_points(self._small.from_photo(sheet)), 1)
-        # At its border cells of the ruling show some desk.
-        self._is_sheet = cv2.distanceTransform(ruled, cv2.DIST_L2, 3) > params.ring_px[1]
+        rows, columns = (
+            (np.arange(side) * whole // (side * CELL_PX))
+            for side, whole in zip(self._small.size, overview.size, strict=True)
+        )
+        painted = np.zeros(self._small.size, np.uint8)
+        cv2.fillPoly(painted, [to_cv2_points(self._small.from_photo(leaf)) for leaf in leaves], 1)
+        self._is_bare = cv2.distanceTransform(1 - painted, cv2.DIST_L2, 3) > params.ring_px[0]
+        # Cells at the border of the ruling show some of what lies beside it.
+        inner = cv2.erode(ruled_cells.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        self._is_sheet = inner[np.ix_(rows, columns)] & self._is_bare
 
     def measure_likeness(self, leaf: Points) -> float:
         """Return the share of what surrounds a leaf that has the colour of the sheet beside it.
@@ -67,11 +80,11 @@ class SheetColour:
         outside = np.full(self._small.size, 255, np.uint8)
         cv2.fillPoly(outside, [to_cv2_points(self._small.from_photo(leaf))], 0)
         distance = cv2.distanceTransform(outside, cv2.DIST_L2, 3)
-        nearest, farthest = params.ring_px
-        is_sheet = self._is_sheet & (distance > nearest)
+        farthest = params.ring_px[1]
+        is_sheet = self._is_sheet
         size = np.sqrt(np.count_nonzero(outside == 0))
         is_near = is_sheet & (distance < params.near * size + farthest)
-        ring = (distance > nearest) & (distance <= farthest)
+        ring = self._is_bare & (distance <= farthest)
         if not ring.any() or not is_sheet.any():
             return math.nan
         expected = np.median(lab[is_near if is_near.any() else is_sheet], axis=0)

@@ -14,6 +14,7 @@ import tensorflow as tf
 from tqdm import tqdm
 
 from laesi_tf.common.atomic_files import require_writable, write_json
+from laesi_tf.common.errors import InputError
 from laesi_tf.common.interrupts import defer_interrupt
 from laesi_tf.common.progress import progress_bar
 from laesi_tf.common.run_files import (
@@ -124,16 +125,17 @@ def fit(
 
 def _check_start(out: Path, config: TrainConfig, replicas: Replicas) -> tuple[str | None, Start]:
     """Return what `check_run_directory` returns, and what to do; tell it to the other processes."""
-    start = Start.REFUSED
     try:
         origin = check_run_directory(out, config)
         finished = is_finished(out, config)
         if not finished:
             require_writable(out / CONFIG_FILE)
-        start = Start.FINISHED if finished else Start.TRAIN
-        return origin, start
-    finally:
-        replicas.share_start(start, config)
+    except InputError:
+        replicas.share_start(Start.REFUSED, config)
+        raise
+    start = Start.FINISHED if finished else Start.TRAIN
+    replicas.share_start(start, config)
+    return origin, start
 
 
 class TrainingLoop:
@@ -156,6 +158,7 @@ class TrainingLoop:
         self._replicas = replicas
         self._validation = Validation(config, out, trainer, validation, whole_batches or stream)
         self._saved_step = progress.step
+        self._iterations = self._count_iterations()
 
     def run(self, *, show_progress: bool) -> None:
         """Train, validate and save until the end. Raises TrainingInterrupted after Ctrl-C."""
@@ -239,6 +242,7 @@ class TrainingLoop:
         """Count a step, and its time since `started`; the first step is mostly tracing and has none."""
         progress = self.progress
         progress.step = step.number
+        self._iterations = self._count_iterations()
         progress.loss_sum += step.loss
         progress.loss_count += 1
         if started is not None:
@@ -257,6 +261,10 @@ class TrainingLoop:
         row, metric = self.progress.history[-1], self.trainer.task.main_metric
         return f"{text}, {metric} {row[f'val_{metric}']:.4g}, {row['images_per_s']:.0f} images/s"
 
+    def _count_iterations(self) -> int:
+        """Return how often weights changed: not in every step, as scaling of the loss leaves some out."""
+        return int(self.trainer.optimizer.iterations.numpy())
+
     def _save(self) -> None:
         save_state(self.out, self.progress, self.trainer.variables)
         self._saved_step = self.progress.step
@@ -264,7 +272,7 @@ class TrainingLoop:
     def _interrupt(self) -> TrainingInterrupted:
         """Save the state if it is that of a whole step with its validation; return what to tell the user."""
         step = self.progress.step
-        is_whole = int(self.trainer.optimizer.iterations.numpy()) == step and not self._validation_is_due
+        is_whole = self._count_iterations() == self._iterations and not self._validation_is_due
         if self._saved_step < step and is_whole:
             self._save()
         if self._saved_step == step:

@@ -12,7 +12,6 @@ import os
 import re
 import signal
 import threading
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -26,6 +25,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.data.batch_part import WHOLE_BATCH, BatchPart
 from laesi_tf.training.cluster import VARIABLE, Cluster, read_cluster
 from laesi_tf.training.config import MIRRORED, NONE, TrainConfig
+from laesi_tf.training.run_directory import digest_config
 from laesi_tf.training.trainer import BatchStream
 
 _LOST = (
@@ -124,7 +124,7 @@ class Replicas:
 
     def share_start(self, start: Start, config: TrainConfig) -> Start:
         """Return what the chief found. Raises InputError if it has another configuration, or refused."""
-        digest = zlib.crc32(repr(config).encode())
+        digest = digest_config(config)
         chief_start, chief_digest = self.share(np.array([start, digest], np.float64))
         if chief_digest != digest:
             raise InputError(

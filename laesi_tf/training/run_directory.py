@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -173,6 +174,12 @@ def log_to_tensorboard(writer: tf.summary.SummaryWriter, row: Mapping[str, float
             f"cannot write TensorBoard's log: {error.message}; "
             "free some space, then run the same command again"
         ) from error
+
+
+def digest_config(config: TrainConfig) -> int:
+    """Return a checksum of a configuration and of the content of the TOML files that it names."""
+    contents = [file.read_bytes() for file, _ in _referenced_files(config).values()]
+    return zlib.crc32(b"\0".join([repr(config).encode(), *contents]))
 
 
 def _referenced_files(config: TrainConfig) -> dict[str, tuple[Path, str]]:

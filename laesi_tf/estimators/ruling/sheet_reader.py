@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from laesi_tf.common.arrays import Points, RgbImage
+from laesi_tf.common.arrays import Mask, Points, RgbImage
 from laesi_tf.estimators.photo_pyramid import Crop, average_levels, put_in_frame
 from laesi_tf.estimators.ruling.judge import SheetReading, judge_verdict
 from laesi_tf.estimators.ruling.params import RulingReaderParams
@@ -85,8 +85,8 @@ class SheetReader:
             grid_mm=grid_mm,
             scale_error=self.params.judge.scale_error,
         )
-        outline = outline_sheet(verdict["agreement"], overview, self.params.sheet_agreement)
-        return replace(judged, outline=outline)
+        cells = verdict["agreement"] > self.params.sheet_agreement
+        return replace(judged, outline=outline_sheet(cells, overview), ruled_cells=cells)
 
     def _read_frame(
         self, frame: RgbImage, size: tuple[int, int], grid_mm: float | None
@@ -136,12 +136,12 @@ def _round_up(side: int) -> int:
     return next(size for size in _USED_PX if size >= side)
 
 
-def outline_sheet(agreement: np.ndarray, overview: Crop, least: float) -> Points | None:
-    """Return the convex outline [N, 2], photo pixels, of the cells that show the ruling; None without any.
+def outline_sheet(cells: Mask, overview: Crop) -> Points | None:
+    """Return the convex outline [N, 2], photo pixels, of `cells` that show the ruling; None without any.
 
-    `agreement` [C, C] is that of `Votes`; cells with more than the `least` belong to the sheet.
+    `cells` are bool [C, C].
     """
-    rows, columns = np.nonzero(agreement > least)
+    rows, columns = np.nonzero(cells)
     if len(rows) < 3:
         return None
     corners = np.concatenate([np.stack([columns + i, rows + j], 1) for i in (0, 1) for j in (0, 1)])
