@@ -18,7 +18,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.run_files import CONFIG_FILE
 from laesi_tf.data import synthetic
 from laesi_tf.synthesis import Ranges, load_ranges
-from laesi_tf.training import config_files, loop
+from laesi_tf.training import config_files, loop, validation
 from laesi_tf.training.optimizers import OPTIMIZERS, make_optimizer, optimizer_variables
 from laesi_tf.training.schedules import SCHEDULES, TableSchedule
 from laesi_tf.training.trainer import TrainingDiverged
@@ -105,7 +105,7 @@ def test_it_trains_as_fit_does(shared: TrialRunner, tmp_path: Path) -> None:
     """Both train on the same images and recalibrate batch normalisation on the same ones."""
     outcome, config = shared.run(NADAM, 0), BUDGET.config(NADAM, 0)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(loop, "_CALIBRATION_IMAGES", BUDGET.calibration)
+        patched.setattr(validation, "_CALIBRATION_IMAGES", BUDGET.calibration)
         stream = list(shared.data.iterate_batches(NADAM.augmentations, 0))
         run = loop.fit(
             config,

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import tensorflow as tf
 from disc_runs import tiny_config
 from tqdm import tqdm
 
@@ -47,7 +48,9 @@ def test_the_loss_is_shown_at_once_and_the_time_left_does_not_count_validations(
 
     monkeypatch.setattr(loop, "progress_bar", keep_bar)
     monkeypatch.setattr(loop, "train_steps", train_steps)
-    trainer = SimpleNamespace(task=SimpleNamespace(main_metric="mre"))
+    trainer = SimpleNamespace(
+        task=SimpleNamespace(main_metric="mre"), optimizer=SimpleNamespace(iterations=tf.Variable(0))
+    )
     config = tiny_config(steps=6, validate_every=2)
     started = time.monotonic()
     SlowLoop(config, tmp_path, trainer, TrainingProgress(), lambda start: iter(()), []).run(
