@@ -14,6 +14,7 @@ from laesi_tf.cli.tensorflow_setup import load_tensorflow, suppress_stderr
 from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.network import parse_port_or_any
+from laesi_tf.common.tensorflow import require_tensorflow
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -45,6 +46,7 @@ def main(arguments: Sequence[str]) -> None:
             return
     if options.out is None:
         raise InputError("name the folder to write with --out DIR; see --help")
+    require_tensorflow()
     find_runtime()
     require_own_folder(options.out)
     require_writable(options.out / "index.html")
