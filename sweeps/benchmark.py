@@ -44,14 +44,10 @@ def main(arguments: Sequence[str]) -> None:
     """Run the trials, print what they cost."""
     options = _make_parser().parse_args(arguments)
     budget = budget_from_args(options, SCREENING)
-    load_tensorflow()
+    load_tensorflow(threads=options.threads)
     quiet_optuna()
-    import tensorflow as tf
-
     from sweeps.trials.training_data import TrainingData
 
-    tf.config.threading.set_intra_op_parallelism_threads(options.threads)
-    tf.config.threading.set_inter_op_parallelism_threads(options.threads)
     data = TrainingData(budget, threads=options.threads)
     costs = measure_trial_cost(budget, data, job_selection.select_points(range(options.trials)))
     costs["naive_trial_s"] = measure_unshared_trial_s(budget, data)

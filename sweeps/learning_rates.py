@@ -83,14 +83,10 @@ def main(arguments: Sequence[str]) -> None:
     queue.check_study_setting("budget", attributes)
     queue.enqueue(_make_jobs(options.seeds))
     if not queue.is_finished():
-        load_tensorflow()
-        import tensorflow as tf
-
+        load_tensorflow(threads=options.threads)
         from sweeps.trials.training_data import TrainingData
         from sweeps.trials.trial_runner import TrialRunner, check_weights
 
-        tf.config.threading.set_intra_op_parallelism_threads(options.threads)
-        tf.config.threading.set_inter_op_parallelism_threads(options.threads)
         check_weights(budget, (_point(job) for job in _make_jobs(1)))
         runner = TrialRunner(budget, TrainingData(budget, threads=options.threads))
         run_trials(queue, lambda claim, watchdog: _try_rate(runner, claim, watchdog))

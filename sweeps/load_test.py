@@ -28,7 +28,7 @@ from laesi_tf.common.hardware import describe_hardware
 from laesi_tf.common.parsing import non_negative_int, positive_float, positive_int
 from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
-from sweeps.queue.study_storage import RetryPolicy, StudyStorage, quiet_optuna
+from sweeps.queue.study_storage import MISSED_HEARTBEATS, RetryPolicy, StudyStorage, quiet_optuna
 from sweeps.queue.trial_queue import JOB, REASON
 from sweeps.trials.budget import SCREENING
 from sweeps.trials.search_space import POINTS
@@ -40,7 +40,7 @@ _CONNECTIONS_PER_WORKER = 3
 """Of the lock, of the trial, and of its heartbeat."""
 _SPARE_CONNECTIONS = 10
 """Those of this command, and those that the server keeps for administrators."""
-_HEARTBEAT_S, _MISSED_HEARTBEATS = 5, 6
+_HEARTBEAT_S = 5
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str]) -> None:
         storage=options.storage,
         study=options.study,
         budget=SCREENING,
-        policy=RetryPolicy(heartbeat_s=_HEARTBEAT_S, grace_s=_MISSED_HEARTBEATS * _HEARTBEAT_S),
+        policy=RetryPolicy(heartbeat_s=_HEARTBEAT_S, grace_s=MISSED_HEARTBEATS * _HEARTBEAT_S),
         folder=Path(),
         threads=1,
     )

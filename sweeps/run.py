@@ -8,9 +8,7 @@ space is searched by TPE with pruning.
 """
 
 import argparse
-import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from optuna.trial import TrialState
@@ -24,9 +22,8 @@ from sweeps.queue import job_selection
 from sweeps.queue.grid_queue import GridQueue
 from sweeps.queue.study_storage import (
     DEFAULT_STORAGE,
-    LOCATION_HELP,
+    MISSED_HEARTBEATS,
     RetryPolicy,
-    artifact_folder,
     open_existing_storage,
     quiet_optuna,
     require_folder,
@@ -36,12 +33,11 @@ from sweeps.queue.trial_queue import JOB, Job, TrialQueue
 from sweeps.trials.budget import FINAL, SCREENING, add_budget_arguments, budget_from_args
 from sweeps.trials.search_space import FACTORS, POINTS, Point
 from sweeps.workers.grid_study import open_grid_study, run_study
+from sweeps.workers.worker_arguments import add_worker_arguments, worker_options
 from sweeps.workers.worker_settings import WorkerSettings
 
 _ALL_POINTS = f"0-{len(POINTS) - 1}"
 _DEFAULT_TRIALS = 150
-_MISSED_HEARTBEATS = 6
-"""Heartbeats without which a worker counts as dead; tracing a network can cost a live one two of them."""
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -129,33 +125,20 @@ def _check_combination(options: argparse.Namespace) -> None:
 def _make_settings(options: argparse.Namespace) -> WorkerSettings:
     repeated = _name_repeat_study(options)
     return WorkerSettings(
-        storage=options.storage,
         study=options.study or repeated or options.sampler,
         budget=budget_from_args(options, FINAL if repeated else SCREENING),
         policy=RetryPolicy(
-            options.retries, options.time_limit, options.heartbeat, _MISSED_HEARTBEATS * options.heartbeat
+            options.retries, options.time_limit, options.heartbeat, MISSED_HEARTBEATS * options.heartbeat
         ),
-        folder=options.folder or artifact_folder(options.storage),
-        threads=options.threads or max(1, (os.cpu_count() or 1) // options.workers),
+        **worker_options(options),
         trials=(options.trials or _DEFAULT_TRIALS) if options.sampler == "tpe" else 0,
     )
 
 
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("run", __doc__, package="sweeps")
-    parser.add_argument("--storage", default=DEFAULT_STORAGE, help=LOCATION_HELP)
+    add_worker_arguments(parser, storage=DEFAULT_STORAGE, time_limit_s=300.0)
     parser.add_argument("--study", help="the study's name (default: grid, tpe, finalists or spread)")
-    parser.add_argument(
-        "--folder",
-        type=Path,
-        help="folder of artifacts and checkpoints (default: that of the storage's file)",
-    )
-    parser.add_argument(
-        "--workers", type=positive_int, default=min(4, os.cpu_count() or 1), help="processes on this machine"
-    )
-    parser.add_argument(
-        "--threads", type=positive_int, help="threads of each worker (default: its share of the cores)"
-    )
     parser.add_argument("--sampler", choices=("grid", "tpe"), default="grid", help="all points, or a search")
     parser.add_argument(
         "--trials", type=positive_int, help=f"trials of --sampler tpe (default: {_DEFAULT_TRIALS})"
@@ -174,14 +157,11 @@ def _make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=positive_int, default=3, help="seeds of each repeated point")
     parser.add_argument("--retries", type=int, default=3, help="attempts at a point after the first")
     parser.add_argument(
-        "--time-limit", type=float, default=300.0, metavar="S", help="seconds that a trial may take"
-    )
-    parser.add_argument(
         "--heartbeat",
         type=positive_int,
         default=10,
         metavar="S",
-        help=f"seconds between heartbeats; after {_MISSED_HEARTBEATS} missed another worker gets the trial",
+        help=f"seconds between heartbeats; after {MISSED_HEARTBEATS} missed another worker gets the trial",
     )
     add_budget_arguments(parser, SCREENING, FINAL)
     return parser

@@ -136,3 +136,12 @@ def tiny_backbone() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(backbone, "_build_network", build_tiny_backbone)
         yield
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Any]:
+    """Run a PostgreSQL server for the tests of a module."""
+    import postgres
+
+    with postgres.run_server() as running:
+        yield running

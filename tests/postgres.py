@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import psycopg
+import pytest
 
 
 def binaries() -> Path | None:
@@ -17,6 +18,11 @@ def binaries() -> Path | None:
     debian = sorted(Path("/usr/lib/postgresql").glob("*/bin/postgres"))
     found = shutil.which("postgres") or (debian[-1] if debian else None)
     return Path(found).resolve().parent if found else None
+
+
+needs_postgres = pytest.mark.skipif(
+    binaries() is None, reason="no postgres binary; apt-get install postgresql"
+)
 
 
 class Server:

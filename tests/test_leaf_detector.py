@@ -10,9 +10,10 @@ from scipy import ndimage
 from laesi_tf.data.letterbox import letterbox_image
 from laesi_tf.estimators.base import PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.keras_networks import make_mask_estimator
-from laesi_tf.estimators.leaf_candidates import extract_candidates, remove_duplicates
+from laesi_tf.estimators.leaf_candidates import extract_candidates
 from laesi_tf.estimators.leaf_colour import LeafColourParams, measure_colour
 from laesi_tf.estimators.leaf_detector import LeafDetector
+from laesi_tf.estimators.leaf_duplicates import remove_duplicates
 from laesi_tf.estimators.photo_pyramid import OVERVIEW_SIDE_PX, PhotoPyramid
 from laesi_tf.models.inference import compile_inference
 

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +23,9 @@ from sweeps.workers.watchdog import TrialWatchdog
 from sweeps.workers.worker import TrialResult
 
 HERE = Path(__file__).parent
-needs_postgres = pytest.mark.skipif(
-    postgres.binaries() is None, reason="no postgres binary; apt-get install postgresql"
-)
 
 
-@pytest.fixture(scope="module")
-def server() -> Iterator[postgres.Server]:
-    with postgres.run_server() as running:
-        yield running
-
-
-@pytest.fixture(params=["file", pytest.param("postgresql", marks=needs_postgres)])
+@pytest.fixture(params=["file", pytest.param("postgresql", marks=postgres.needs_postgres)])
 def storage(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     if request.param == "file":
         return str(tmp_path / "study.db")
@@ -193,7 +183,7 @@ def test_heartbeats_continue_until_the_end_of_a_trial_is_recorded(
     assert queue.job_histories()["0000"].complete
 
 
-@needs_postgres
+@postgres.needs_postgres
 def test_workers_wait_for_a_database_that_is_offline(
     server: postgres.Server, tmp_path: Path, log: Path
 ) -> None:
@@ -216,7 +206,7 @@ def test_workers_wait_for_a_database_that_is_offline(
     assert sum("database offline, for" in outage for outage in outages) >= 2
 
 
-@needs_postgres
+@postgres.needs_postgres
 def test_waiting_for_a_database_ends(server: postgres.Server, tmp_path: Path) -> None:
     queue = fake.open_queue(server.create_database(tmp_path.name), RetryPolicy(patience_s=1.0))
     server.stop()

@@ -5,7 +5,6 @@ import os
 import re
 import shlex
 import subprocess
-from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -21,15 +20,6 @@ from sweeps import load_test, run
 from sweeps.queue.trial_queue import JOB, REASON
 
 SWEEPS = Path(run.__file__).parent
-needs_postgres = pytest.mark.skipif(
-    postgres.binaries() is None, reason="no postgres binary; apt-get install postgresql"
-)
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[postgres.Server]:
-    with postgres.run_server() as running:
-        yield running
 
 
 def make_trial(job: str, state: TrialState, second: int, **attributes: str) -> FrozenTrial:
@@ -57,7 +47,7 @@ def test_missing_and_repeated_points_are_counted() -> None:
     assert load_test.summarise_trials([], points=4)["missing"] == 4
 
 
-@needs_postgres
+@postgres.needs_postgres
 def test_killed_workers_lose_and_repeat_no_point(
     server: postgres.Server,
     tmp_path: Path,
@@ -65,7 +55,7 @@ def test_killed_workers_lose_and_repeat_no_point(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(load_test, "_HEARTBEAT_S", 1)
-    monkeypatch.setattr(load_test, "_MISSED_HEARTBEATS", 2)
+    monkeypatch.setattr(load_test, "MISSED_HEARTBEATS", 2)
     storage = server.create_database(tmp_path.name)
     sizes = ["--workers", "4", "--points", "40", "--trial-s", "0.1", "--kill", "0.25"]
     load_test.main(["--storage", storage, *sizes, "--json", str(tmp_path / "figures.json")])

@@ -79,7 +79,7 @@ class Variant:
 
     @property
     def digest(self) -> str:
-        """What its scenes are, so that groups of the same name but other members are told apart."""
+        """What its scenes are, which distinguishes groups of one name with other members."""
         return hashlib.sha256(ranges_to_toml(self.ranges).encode()).hexdigest()[:12]
 
     @property

@@ -14,14 +14,19 @@ from laesi_tf.common.tensorflow import require_tensorflow
 
 
 def load_tensorflow(
-    *, quick_compilation: bool = False, is_reproducible: bool = False, uses_gpu: bool = True
+    *,
+    quick_compilation: bool = False,
+    is_reproducible: bool = False,
+    uses_gpu: bool = True,
+    threads: int | None = None,
 ) -> None:
     """Import TensorFlow, let it look for GPUs, and hide all messages but errors.
 
     With `quick_compilation`, XLA optimises less: for a few images, compiling takes longer than rendering.
     With `is_reproducible`, oneDNN is not used: it changes the seventh digit of a scale from one process
     to the next, and now and then a number in a table. Without `uses_gpu`, GPUs are left to other libraries:
-    TensorFlow would take all of their memory. Raises InputError where it is not installed.
+    TensorFlow would take all of their memory. With `threads`, it leaves other cores to other processes; it
+    must not have run anything before. Raises InputError where it is not installed.
     """
     require_tensorflow()
     # Where TensorFlow is imported already, variables would only reach processes that start from here.
@@ -40,6 +45,9 @@ def load_tensorflow(
         tensorflow.config.list_physical_devices()
         if not uses_gpu:
             tensorflow.config.set_visible_devices([], "GPU")
+        if threads is not None:
+            tensorflow.config.threading.set_intra_op_parallelism_threads(threads)
+            tensorflow.config.threading.set_inter_op_parallelism_threads(threads)
 
 
 @contextlib.contextmanager

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from laesi_tf.common.arrays import FloatMap, Mask, Points
 from laesi_tf.common.geometry import ImageSize, from_cv2_contour, pixel_centres
 from laesi_tf.data.letterbox import Letterbox
+from laesi_tf.estimators.boxes import largest_iou
 from laesi_tf.estimators.leaf_colour import LeafColourParams, ThingColour, measure_colour
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
@@ -236,72 +237,6 @@ def _locate(
     touches = np.stack([corners[0] <= 1.01 * pixel, corners[1] >= end - 1.01 * pixel])
     continues = np.stack([crop.origin > 0.5, crop.to_photo(end) < pyramid.size.xy - 0.5])
     return crop.to_photo(corners), not (touches & continues).any()
-
-
-def remove_duplicates(candidates: Sequence[LeafCandidate]) -> list[LeafCandidate]:
-    """Return `candidates`, largest first, without small fragments and without parts of larger ones.
-
-    Neighbours that merge in fewer crops than show them apart are kept apart.
-    """
-    kept: list[LeafCandidate] = []
-    ordered = sorted(candidates, key=lambda candidate: -candidate.area)
-    for index, candidate in enumerate(ordered):
-        is_fragment = bool(kept) and candidate.area < candidate.params.min_area_of_largest * kept[0].area
-        if (
-            not is_fragment
-            and not candidate.is_covered_by(kept)
-            and not _is_merged(candidate, ordered[index + 1 :], candidates)
-        ):
-            kept.append(candidate)
-    return [replace(candidate, sightings=candidate.count_sightings(candidates)) for candidate in kept]
-
-
-def _is_merged(
-    candidate: LeafCandidate, smaller: Sequence[LeafCandidate], candidates: Sequence[LeafCandidate]
-) -> bool:
-    """Return whether more crops show two or more of the `smaller` candidates in place of `candidate`."""
-    params, pixel = candidate.params, candidate.pixel_size
-    least, most = (share * candidate.area for share in params.part_area)
-    start, end = candidate.box[0] - pixel, candidate.box[1] + pixel
-    inside = [
-        part
-        for part in smaller
-        if least <= part.area <= most and (part.box[0] >= start).all() and (part.box[1] <= end).all()
-    ]
-    if len(inside) < 2:
-        return False
-    count = candidate.count_sightings(candidates)
-    parts: list[LeafCandidate] = []
-    for part in inside:
-        if part.count_sightings(candidates) > count and not part.is_covered_by(parts):
-            parts.append(part)
-    if len(parts) < 2:
-        return False
-    centres = candidate.pixel_centres()
-    covered = np.any([part.contains(centres) for part in parts], axis=0)
-    return bool(covered.mean() >= params.merged_cover)
-
-
-def square_around(box: Points, side: float) -> Points:
-    """Return the square [2, 2] of `side` pixels with the centre of `box` [2, 2]."""
-    middle = box.mean(axis=0)
-    return np.stack([middle - side / 2, middle + side / 2])
-
-
-def stack_boxes(boxes: Sequence[Points]) -> NDArray[np.float64]:
-    """Return `boxes`, each [2, 2], as one array [N, 2, 2]; N may be 0."""
-    return np.array(boxes, np.float64).reshape(-1, 2, 2)
-
-
-def largest_iou(box: Points, others: NDArray[np.float64]) -> float:
-    """Return the largest intersection over union of `box` with one of `others` [N, 2, 2]; 0 without others.
-
-    A box is [[left, top], [right, bottom]].
-    """
-    starts, ends = others[:, 0], others[:, 1]
-    shared = np.clip(np.minimum(box[1], ends) - np.maximum(box[0], starts), 0, None).prod(axis=1)
-    union = (box[1] - box[0]).prod() + (ends - starts).prod(axis=1) - shared
-    return float((shared / union).max(initial=0.0))
 
 
 def _dilate(mask: Mask) -> Mask:

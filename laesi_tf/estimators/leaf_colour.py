@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.arrays import FloatMap, Mask, Points, RgbImage
-from laesi_tf.common.geometry import pixel_centres, polygon_area, to_cv2_points
+from laesi_tf.common.geometry import pixel_centres, polygon_area
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid, shrink
 
@@ -95,12 +95,9 @@ def find_leaf_colour(pyramid: PhotoPyramid, found: Sequence[Points], params: Lea
     `found` are outlines [n, 2] of leaves, photo pixels: the sheet is what lies around them.
     """
     crop = shrink(pyramid.overview, params.side_px)
-    outlines = [crop.from_photo(leaf) for leaf in found]
-    areas = [abs(polygon_area(outline)) for outline in outlines]
+    areas = [abs(polygon_area(crop.from_photo(leaf))) for leaf in found]
     least_px = max(params.min_area_px, params.min_area * float(np.median(areas or [0.0])))
-    leaves = np.zeros(crop.size, np.uint8)
-    cv2.fillPoly(leaves, [to_cv2_points(outline) for outline in outlines], 1)
-    near = cv2.dilate(leaves, np.ones((7, 7), np.uint8)) > 0
+    near = cv2.dilate(crop.paint(found), np.ones((7, 7), np.uint8)) > 0
     sheet = _estimate_sheet(crop.image, near, params.sheet_window)
     lab = _to_relative_lab(cv2.blur(crop.image, (3, 3)), sheet)
     marked = _has_hue(lab, params.hues, params.min_difference).astype(np.uint8)

@@ -16,16 +16,10 @@ from numpy.typing import NDArray
 from laesi_tf.common.arrays import FloatMap, Points, RgbImage
 from laesi_tf.common.geometry import ImageSize
 from laesi_tf.data.letterbox import Letterbox, letterbox_image
-from laesi_tf.estimators.leaf_candidates import (
-    LeafCandidate,
-    LeafDetectorParams,
-    extract_candidates,
-    largest_iou,
-    remove_duplicates,
-    square_around,
-    stack_boxes,
-)
+from laesi_tf.estimators.boxes import largest_iou, square_around, stack_boxes
+from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams, extract_candidates
 from laesi_tf.estimators.leaf_colour import MAX_MEDIAN_SIDE, find_leaf_colour
+from laesi_tf.estimators.leaf_duplicates import remove_duplicates
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 
 MaskPredictor = Callable[[NDArray[np.uint8]], NDArray[np.float32]]

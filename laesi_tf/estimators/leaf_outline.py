@@ -11,6 +11,7 @@ from laesi_tf.common.arrays import Mask, Points
 from laesi_tf.common.geometry import (
     ImageSize,
     Polygon,
+    polygon_area,
     polygon_centroid,
     polygon_perimeter,
     trace_polygons,
@@ -102,6 +103,11 @@ class LeafOutline:
         return LeafMeasurement(
             outline=self.polygon.outer, holes=self.polygon.holes, note="; ".join(notes) or None
         )
+
+    @property
+    def area_px(self) -> float:
+        """What the outer contour encloses in photo pixels, holes included."""
+        return abs(polygon_area(self.polygon.outer))
 
     @property
     def centroid(self) -> Points:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
-from laesi_tf.common.geometry import polygon_area
 from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams
 from laesi_tf.estimators.leaf_colour import measure_colour
@@ -94,20 +93,17 @@ class MaskEstimator:
 
     def _leave_out_coins(self, outlines: list[LeafOutline]) -> list[LeafOutline]:
         """Return `outlines` without coins: round, not green, and smaller than the largest of the others."""
-        params = self.params.outline
-        contours = [outline.polygon.outer for outline in outlines]
-        is_coin = [looks_like_coin(contour, params) for contour in contours]
+        is_coin = [looks_like_coin(outline.polygon.outer, self.params.outline) for outline in outlines]
         if not any(is_coin):
             return outlines
-        areas = [abs(polygon_area(contour)) for contour in contours]
-        largest = max((area for area, coin in zip(areas, is_coin, strict=True) if not coin), default=0.0)
-        colour = self.params.detector.colour
+        others = (outline.area_px for outline, coin in zip(outlines, is_coin, strict=True) if not coin)
+        largest, colour = max(others, default=0.0), self.params.detector.colour
 
         def is_leaf(outline: LeafOutline) -> bool:
+            if outline.area_px >= largest:
+                return True
             return measure_colour(outline.crop.image, outline.mask, colour).is_green(colour)
 
         return [
-            outline
-            for outline, area, coin in zip(outlines, areas, is_coin, strict=True)
-            if not coin or area >= largest or is_leaf(outline)
+            outline for outline, coin in zip(outlines, is_coin, strict=True) if not coin or is_leaf(outline)
         ]

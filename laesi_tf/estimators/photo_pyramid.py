@@ -4,6 +4,7 @@ The photo is shrunk once. A part is cropped from the overview where it has enoug
 photo itself where it does not, so that shrinking is the only operation on all of up to 200 megapixels.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.arrays import Points, RgbImage
-from laesi_tf.common.geometry import ImageSize
+from laesi_tf.common.geometry import ImageSize, to_cv2_points
 from laesi_tf.data.letterbox import Letterbox, letterbox_image
 from laesi_tf.models.ruling_cells import FRAME_PX
 
@@ -42,6 +43,12 @@ class Crop:
     def from_photo(self, points: Points) -> Points:
         """Map `points` [..., 2] from photo pixels to pixels of the crop."""
         return (points - self.origin) / self.pixel_size
+
+    def paint(self, outlines: Iterable[Points]) -> NDArray[np.uint8]:
+        """Return 1 within `outlines`, each [n, 2] in photo pixels, else 0: uint8 [h, w]."""
+        painted = np.zeros(self.size, np.uint8)
+        cv2.fillPoly(painted, [to_cv2_points(self.from_photo(outline)) for outline in outlines], 1)
+        return painted
 
 
 class PhotoPyramid:

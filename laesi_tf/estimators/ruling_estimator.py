@@ -15,7 +15,6 @@ import cv2
 import numpy as np
 
 from laesi_tf.common.arrays import Mask, RgbImage
-from laesi_tf.common.geometry import polygon_area
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
 from laesi_tf.estimators.leaf_outline import UNCERTAINTY_SET, LeafOutline, paint_masks
@@ -144,7 +143,7 @@ class RulingEstimator:
         params, leaves = self.params, [outline.polygon.outer for outline in outlines]
         colour = SheetColour(overview, sheet.ruled_cells, leaves, params.sheet)
         on_sheet: list[LeafOutline] = []
-        for outline in sorted(outlines, key=lambda outline: -abs(polygon_area(outline.polygon.outer))):
+        for outline in sorted(outlines, key=lambda outline: -outline.area_px):
             leaf = outline.polygon.outer
             hull = cv2.convexHull(leaf.astype(np.float32))
             shared, _ = cv2.intersectConvexConvex(hull, ruled_part.astype(np.float32))

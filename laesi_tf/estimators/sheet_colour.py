@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from laesi_tf.common.arrays import Mask, Points
-from laesi_tf.common.geometry import to_cv2_points
+from laesi_tf.estimators.colour_model import distance_inside
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, shrink
 from laesi_tf.models.ruling_cells import CELL_PX
@@ -64,9 +64,7 @@ class SheetColour:
             (np.arange(side) * whole // (side * CELL_PX))
             for side, whole in zip(self._small.size, overview.size, strict=True)
         )
-        painted = np.zeros(self._small.size, np.uint8)
-        cv2.fillPoly(painted, [to_cv2_points(self._small.from_photo(leaf)) for leaf in leaves], 1)
-        self._is_bare = cv2.distanceTransform(1 - painted, cv2.DIST_L2, 3) > params.ring_px[0]
+        self._is_bare = distance_inside(self._small.paint(leaves) == 0) > params.ring_px[0]
         # Cells at the border of the ruling show some of what lies beside it.
         inner = cv2.erode(ruled_cells.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         self._is_sheet = inner[np.ix_(rows, columns)] & self._is_bare
@@ -77,13 +75,9 @@ class SheetColour:
         `leaf` [n, 2] is its outline in photo pixels. NaN where too little is seen of either.
         """
         params, lab = self._params, self._lab
-        outside = np.full(self._small.size, 255, np.uint8)
-        cv2.fillPoly(outside, [to_cv2_points(self._small.from_photo(leaf))], 0)
-        distance = cv2.distanceTransform(outside, cv2.DIST_L2, 3)
-        farthest = params.ring_px[1]
-        is_sheet = self._is_sheet
-        size = np.sqrt(np.count_nonzero(outside == 0))
-        is_near = is_sheet & (distance < params.near * size + farthest)
+        painted, is_sheet, farthest = self._small.paint([leaf]), self._is_sheet, params.ring_px[1]
+        distance = distance_inside(painted == 0)
+        is_near = is_sheet & (distance < params.near * np.sqrt(np.count_nonzero(painted)) + farthest)
         ring = self._is_bare & (distance <= farthest)
         if not ring.any() or not is_sheet.any():
             return math.nan

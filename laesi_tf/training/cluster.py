@@ -15,7 +15,7 @@ from laesi_tf.common.network import parse_address, wait_until_reachable
 
 VARIABLE = "TF_CONFIG"
 _EXAMPLE = '{"cluster": {"worker": ["host0:12345", "host1:12345"]}, "task": {"type": "worker", "index": 0}}'
-_JOIN_TIMEOUT_S = 300.0
+_START_TIMEOUT_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Cluster:
     chiefs: int = 0
     """1 where TF_CONFIG has a job `chief`; otherwise the first worker is the chief."""
 
-    def wait_for_all(self, notify: Callable[[str], None], *, timeout_s: float = _JOIN_TIMEOUT_S) -> None:
+    def wait_for_all(self, notify: Callable[[str], None], *, timeout_s: float = _START_TIMEOUT_S) -> None:
         """Wait until every process has started. Raises InputError if one has not after `timeout_s`."""
         host, port = parse_address(self.addresses[self.index])
         try:

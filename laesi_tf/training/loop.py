@@ -124,7 +124,7 @@ def fit(
 
 
 def _check_start(out: Path, config: TrainConfig, replicas: Replicas) -> tuple[str | None, Start]:
-    """Return what `check_run_directory` returns, and what to do; tell it to the other processes."""
+    """Return what `check_run_directory` returns, and what to do, which the other processes get."""
     try:
         origin = check_run_directory(out, config)
         finished = is_finished(out, config)
@@ -156,7 +156,7 @@ class TrainingLoop:
         self.config, self.out, self.trainer = config, out, trainer
         self.progress, self.stream, self.validation = progress, stream, validation
         self._replicas = replicas
-        self._validation = Validation(config, out, trainer, validation, whole_batches or stream)
+        self._validator = Validation(config, out, trainer, validation, whole_batches or stream)
         self._saved_step = progress.step
         self._iterations = self._count_iterations()
 
@@ -251,7 +251,7 @@ class TrainingLoop:
 
     def _validate(self) -> dict[str, float]:
         """Validate the network after the last step; return the history's new row."""
-        return self._validation.run(self.progress)
+        return self._validator.run(self.progress)
 
     def _format_progress(self) -> str:
         """Return the mean loss since the last validation, and what that validation found."""

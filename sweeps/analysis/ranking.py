@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from sweeps.analysis.trial_table import TrialRecord
+from sweeps.trials.point_errors import geometric_means
 from sweeps.trials.search_space import OPTIMUM, POINTS
 
 _RESAMPLES, _SEED, _CONFIDENCE = 2000, 0, 0.95
@@ -53,14 +54,8 @@ def pair_with_screening(
 ) -> list[RepeatedPoint]:
     """Return the points of `records` that were screened, in the order of their numbers."""
     before = {record.number: record.mre for record in screened}
-    logs: dict[int, list[float]] = {}
-    for record in records:
-        if record.number in before:
-            logs.setdefault(record.number, []).append(np.log(record.mre))
-    return [
-        RepeatedPoint(number, before[number], float(np.exp(np.mean(values))))
-        for number, values in sorted(logs.items())
-    ]
+    repeated = geometric_means((record.number, record.mre) for record in records if record.number in before)
+    return [RepeatedPoint(number, before[number], mre) for number, mre in sorted(repeated.items())]
 
 
 def compare_finalists(screened: Sequence[TrialRecord], records: Sequence[TrialRecord]) -> list[Finalist]:

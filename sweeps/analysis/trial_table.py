@@ -10,6 +10,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from laesi_tf.common.atomic_files import write_csv
 from laesi_tf.common.errors import InputError
+from sweeps.queue.job_selection import parse_job_name
 from sweeps.queue.tpe_queue import PRUNED_AT
 from sweeps.queue.trial_queue import JOB, REASON, SEED
 from sweeps.trials.search_space import FACTORS, POINTS, Point
@@ -68,7 +69,7 @@ def _format_trial(trial: FrozenTrial) -> Sequence[Any]:
     attributes = trial.user_attrs
     # A search has one objective and stores the other as an attribute.
     inference_ms = trial.values[1] if len(trial.values) > 1 else attributes["inference_ms"]
-    replicate = int(attributes[JOB].partition("/")[2] or 0)
+    _, replicate = parse_job_name(attributes[JOB])
     return [
         POINTS.index(point),
         *point.levels.values(),

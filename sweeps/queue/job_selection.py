@@ -17,13 +17,28 @@ def select_points(numbers: Sequence[int]) -> list[Job]:
     return [Job(f"{number:04d}", POINTS[number].levels, SCREENING_SEED) for number in numbers]
 
 
+def repeat_points(numbers: Iterable[int], *, seeds: int) -> list[Job]:
+    """Return the jobs of these points, each with `seeds` seeds that the screening has not."""
+    return [
+        Job(f"{number:04d}/{seed}", POINTS[number].levels, seed)
+        for number in numbers
+        for seed in range(SCREENING_SEED + 1, SCREENING_SEED + 1 + seeds)
+    ]
+
+
+def parse_job_name(name: str) -> tuple[int, int]:
+    """Return the number of a job's point, and the seed that it is repeated with; 0 if it is not."""
+    number, _, seed = name.partition("/")
+    return int(number), int(seed or 0)
+
+
 def select_finalists(screened: Mapping[str, JobHistory], *, count: int, seeds: int) -> list[Job]:
     """Return the `count` best points of a screening and the paper's optimum, each with `seeds` new seeds.
 
     Raises InputError if the screening is not complete.
     """
-    names = dict.fromkeys([*_rank_points(screened)[:count], f"{POINTS.index(OPTIMUM):04d}"])
-    return _repeat_with_seeds(names, seeds)
+    numbers = dict.fromkeys([*_rank_points(screened)[:count], POINTS.index(OPTIMUM)])
+    return repeat_points(numbers, seeds=seeds)
 
 
 def select_across_ranking(screened: Mapping[str, JobHistory], *, count: int, seeds: int) -> list[Job]:
@@ -34,7 +49,7 @@ def select_across_ranking(screened: Mapping[str, JobHistory], *, count: int, see
     """
     ranking = _rank_points(screened)
     ranks = np.linspace(0, len(ranking) - 1, min(count, len(ranking))).round().astype(int)
-    return _repeat_with_seeds((ranking[rank] for rank in ranks), seeds)
+    return repeat_points((ranking[rank] for rank in ranks), seeds=seeds)
 
 
 def parse_point_numbers(text: str) -> list[int]:
@@ -53,20 +68,12 @@ def parse_point_numbers(text: str) -> list[int]:
     return sorted(numbers)
 
 
-def _rank_points(screened: Mapping[str, JobHistory]) -> list[str]:
-    """Return the names of the points, from the lowest to the highest MRE."""
+def _rank_points(screened: Mapping[str, JobHistory]) -> list[int]:
+    """Return the numbers of the points, from the lowest to the highest MRE."""
     mre = {name: history.complete.values[0] for name, history in screened.items() if history.complete}
     if len(mre) < len(screened) or not screened:
         raise InputError(
             f"the screening is not complete: {len(screened) - len(mre)} of {len(screened)} points are open; "
             "finish it with sweeps.run first"
         )
-    return sorted(mre, key=lambda name: (mre[name], name))
-
-
-def _repeat_with_seeds(names: Iterable[str], seeds: int) -> list[Job]:
-    return [
-        Job(f"{name}/{seed}", POINTS[int(name)].levels, seed)
-        for name in names
-        for seed in range(SCREENING_SEED + 1, SCREENING_SEED + 1 + seeds)
-    ]
+    return [parse_job_name(name)[0] for name in sorted(mre, key=lambda name: (mre[name], name))]

@@ -48,6 +48,10 @@ _CONNECTION_OPTIONS = {
 _SQLITE_PRAGMAS = ("PRAGMA journal_mode=WAL", "PRAGMA synchronous=NORMAL")
 
 
+MISSED_HEARTBEATS = 6
+"""Heartbeats without which a worker counts as dead; tracing a network can cost a live one two of them."""
+
+
 @dataclass(frozen=True)
 class RetryPolicy:
     """How trials that fail and a database that does not answer are handled.
@@ -60,14 +64,14 @@ class RetryPolicy:
     retries: int = 3
     time_limit_s: float = 300.0
     heartbeat_s: int = 10
-    grace_s: int = 60
+    grace_s: int = MISSED_HEARTBEATS * heartbeat_s
     patience_s: float = 300.0
 
     def __post_init__(self) -> None:
         if self.retries < 0:
             raise InputError(f"--retries is {self.retries}; it must be 0 or more")
-        if not self.time_limit_s > 0:
-            raise InputError(f"--time-limit is {self.time_limit_s:g} s; it must be above 0")
+        if not 0 < self.time_limit_s < math.inf:
+            raise InputError(f"--time-limit is {self.time_limit_s:g} s; it must be above 0 and finite")
 
 
 class StorageUnreachable(Exception):

@@ -10,35 +10,31 @@ own, are those of the candidates too. The reference takes hours; with --only the
 """
 
 import argparse
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
 from laesi_tf.common.atomic_files import require_writable, write_json
-from laesi_tf.common.parsing import positive_float, positive_int
+from laesi_tf.common.parsing import positive_int
 from sweeps.queue import job_selection
 from sweeps.queue.study_storage import (
-    LOCATION_HELP,
     RetryPolicy,
-    artifact_folder,
     open_existing_storage,
     quiet_optuna,
     require_folder,
 )
-from sweeps.queue.trial_queue import Job
 from sweeps.screening import report
 from sweeps.screening.candidates import (
     CANDIDATES,
     REFERENCE,
-    REFERENCE_SEED,
     adapt_candidate,
     spread_points,
 )
 from sweeps.trials.budget import Budget, add_budget_arguments, budget_from_args
 from sweeps.trials.search_space import POINTS
 from sweeps.workers.grid_study import open_grid_study, run_study
+from sweeps.workers.worker_arguments import add_worker_arguments, worker_options
 from sweeps.workers.worker_settings import WorkerSettings
 
 _REFERENCE = "reference"
@@ -49,6 +45,7 @@ def main(arguments: Sequence[str]) -> None:
     options = _make_parser().parse_args(arguments)
     require_writable(options.out / report.TABLE)
     quiet_optuna()
+    policy = RetryPolicy(time_limit_s=options.time_limit)
     reference = budget_from_args(options, REFERENCE)
     # The reference last: it takes by far the longest.
     budgets = {name: adapt_candidate(budget, reference) for name, budget in CANDIDATES.items()}
@@ -58,7 +55,7 @@ def main(arguments: Sequence[str]) -> None:
         open_existing_storage(options.storage)
     else:
         for name in options.only or budgets:
-            _run(options, name, budgets[name], numbers)
+            _run(options, name, budgets[name], numbers, policy)
     trials = report.read_studies(options.storage, {name: _study(name) for name in budgets})
     errors = trials.pop(_REFERENCE)
     lines, figures = report.write_report(options.out, reference=errors, candidates=trials, budgets=budgets)
@@ -67,21 +64,20 @@ def main(arguments: Sequence[str]) -> None:
         write_json(options.json, figures)
 
 
-def _run(options: argparse.Namespace, name: str, budget: Budget, numbers: Sequence[int]) -> None:
-    jobs = job_selection.select_points(numbers)
-    if name == _REFERENCE:
-        jobs = [
-            Job(f"{number:04d}/{seed}", POINTS[number].levels, seed)
-            for seed in range(REFERENCE_SEED, REFERENCE_SEED + options.reference_seeds)
-            for number in numbers
-        ]
+def _run(
+    options: argparse.Namespace, name: str, budget: Budget, numbers: Sequence[int], policy: RetryPolicy
+) -> None:
+    # Not the seed of the screening: its ranking should hold for another seed than its own.
+    jobs = (
+        job_selection.repeat_points(numbers, seeds=options.reference_seeds)
+        if name == _REFERENCE
+        else job_selection.select_points(numbers)
+    )
     settings = WorkerSettings(
-        storage=options.storage,
         study=_study(name),
         budget=budget,
-        policy=RetryPolicy(time_limit_s=options.time_limit),
-        folder=options.folder or artifact_folder(options.storage),
-        threads=options.threads or max(1, (os.cpu_count() or 1) // options.workers),
+        policy=policy,
+        **worker_options(options),
     )
     require_folder(settings.folder)
     queue = open_grid_study(settings, jobs)
@@ -97,10 +93,7 @@ def _study(name: str) -> str:
 
 def _make_parser() -> argparse.ArgumentParser:
     parser = make_parser("screening", __doc__, package="sweeps")
-    parser.add_argument("--storage", default="runs/sweep/screening.db", help=LOCATION_HELP)
-    parser.add_argument(
-        "--folder", type=Path, help="folder of artifacts (default: that of the storage's file)"
-    )
+    add_worker_arguments(parser, storage="runs/sweep/screening.db", time_limit_s=7200.0)
     parser.add_argument(
         "--out", type=Path, default=Path("sweeps/results"), metavar="FOLDER", help="folder of the tables"
     )
@@ -122,19 +115,6 @@ def _make_parser() -> argparse.ArgumentParser:
         help=f"run only these: {', '.join([*CANDIDATES, _REFERENCE])}",
     )
     parser.add_argument("--report", action="store_true", help="run nothing; report what there is")
-    parser.add_argument(
-        "--workers", type=positive_int, default=min(4, os.cpu_count() or 1), help="processes on this machine"
-    )
-    parser.add_argument(
-        "--threads", type=positive_int, help="threads of each worker (default: its share of the cores)"
-    )
-    parser.add_argument(
-        "--time-limit",
-        type=positive_float,
-        default=7200.0,
-        metavar="S",
-        help="seconds that a trial may take",
-    )
     add_budget_arguments(parser, REFERENCE)
     return parser
 

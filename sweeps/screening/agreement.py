@@ -1,6 +1,6 @@
 """How well a candidate for the screening ranks the points of the reference, and what it does not rank."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,9 +42,18 @@ class Agreement:
 
 def measure_agreement(reference: Errors, candidate: Errors) -> Agreement:
     """Compare the ranks of the points that both have; the better half is that of the reference."""
-    numbers = sorted(reference.keys() & candidate.keys(), key=lambda number: (reference[number], number))
-    pairs = np.array([(reference[number], candidate[number]) for number in numbers]).reshape(-1, 2)
+    pairs = pair_errors(reference, candidate)
     return Agreement(kendall_tau(pairs), kendall_tau(pairs[: (len(pairs) + 1) // 2]))
+
+
+def pair_errors(reference: Errors, candidate: Errors) -> np.ndarray:
+    """Return the errors [N, 2] of the points that both have, from the best of the reference to its worst."""
+    numbers = _rank_common(reference, candidate)
+    return np.array([(reference[number], candidate[number]) for number in numbers]).reshape(-1, 2)
+
+
+def _rank_common(reference: Errors, candidate: Errors) -> list[int]:
+    return sorted(reference.keys() & candidate.keys(), key=lambda number: (reference[number], number))
 
 
 def kendall_tau(pairs: np.ndarray) -> Tau:
@@ -69,7 +78,7 @@ def _tau_of_signs(signs: np.ndarray) -> float:
 
 def share_of_ordered_pairs(reference: Errors, candidate: Errors) -> list[tuple[str, int, float]]:
     """Return (gap, pairs, share that the candidate orders as the reference does) by the reference's gap."""
-    numbers = sorted(reference.keys() & candidate.keys(), key=lambda number: (reference[number], number))
+    numbers = _rank_common(reference, candidate)
     ordered: dict[tuple[float, float], list[bool]] = {gap: [] for gap in _GAPS}
     for position, better in enumerate(numbers):
         for worse in numbers[position + 1 :]:
@@ -113,11 +122,3 @@ def choose_best(agreements: Mapping[str, Agreement], costs_s: Mapping[str, float
         if costs_s[name] <= most_s and not np.isnan(agreement.all_points.value)
     ]
     return max(affordable, key=lambda name: agreements[name].all_points.value, default="")
-
-
-def geometric_means(errors: Sequence[tuple[int, float]]) -> dict[int, float]:
-    """Return the geometric mean of the errors (number, MRE) of each point."""
-    logs: dict[int, list[float]] = {}
-    for number, mre in errors:
-        logs.setdefault(number, []).append(np.log(mre))
-    return {number: float(np.exp(np.mean(values))) for number, values in logs.items()}

@@ -13,18 +13,20 @@ from optuna.trial import TrialState
 from laesi_tf.common.atomic_files import write_csv, write_json
 from laesi_tf.common.hardware import describe_hardware, format_hardware
 from laesi_tf.reporting.markdown import format_table
+from sweeps.queue.job_selection import parse_job_name
 from sweeps.queue.study_storage import open_existing_storage
 from sweeps.queue.trial_queue import JOB
 from sweeps.screening.agreement import (
     Agreement,
     choose_best,
-    geometric_means,
     kendall_tau,
     measure_agreement,
+    pair_errors,
     rank_shifts,
     share_of_ordered_pairs,
 )
 from sweeps.screening.candidates import BEFORE, CANDIDATES, MOST_COST
+from sweeps.trials.point_errors import geometric_means
 from sweeps.trials.search_space import POINTS
 
 TABLE, POINTS_TABLE, FIGURES = "candidates.csv", "candidate_points.csv", "candidates.json"
@@ -82,12 +84,9 @@ def read_studies(location: str, studies: Mapping[str, str]) -> dict[str, StudyRe
 def _read_study(study: optuna.Study) -> StudyResult:
     trials = study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
     costs = [trial.user_attrs["steps_cpu_s"] + trial.user_attrs["judging_s"] for trial in trials]
-    errors = []
-    for trial in trials:
-        name, _, replicate = trial.user_attrs[JOB].partition("/")
-        errors.append((int(name), int(replicate or 0), trial.values[0]))
+    errors = sorted((*parse_job_name(trial.user_attrs[JOB]), trial.values[0]) for trial in trials)
     return StudyResult(
-        sorted(errors),
+        errors,
         float(np.median(costs)) if costs else np.nan,
         study.user_attrs.get("guess_mre") or np.nan,
     )
@@ -97,6 +96,7 @@ def write_report(
     out: Path, *, reference: StudyResult, candidates: Mapping[str, StudyResult], budgets: Mapping[str, Any]
 ) -> tuple[list[str], dict[str, Any]]:
     """Write the tables and the figures to the folder `out`; return the page's lines and the figures."""
+    hardware = describe_hardware()
     found = {name: result for name, result in candidates.items() if result.errors}
     agreements = {name: measure_agreement(reference.by_point, found[name].by_point) for name in found}
     costs = {name: result.cost_s for name, result in found.items()}
@@ -122,13 +122,13 @@ def write_report(
         },
         "best": best,
         "budgets": {name: budget.to_attributes() for name, budget in budgets.items()},
-        **describe_hardware(),
+        **hardware,
     }
     write_json(out / FIGURES, figures)
     lines = _format_table(found, agreements) + _describe_reference(reference)
     if best:
         lines += _describe_best(best, agreements[best], reference, found[best])
-    return [*lines, format_hardware(describe_hardware())], figures
+    return [*lines, format_hardware(hardware)], figures
 
 
 def _describe(budget: Any, result: StudyResult) -> list[Any]:
@@ -160,14 +160,12 @@ def _repeatability(reference: StudyResult) -> list[dict[str, Any]]:
         by_seed.setdefault(seed, {})[number] = mre
     first, *others = sorted(by_seed) or [0]
     return [
-        {"seeds": [first, other], **dataclasses.asdict(_tau(by_seed[first], by_seed[other]))}
+        {
+            "seeds": [first, other],
+            **dataclasses.asdict(kendall_tau(pair_errors(by_seed[first], by_seed[other]))),
+        }
         for other in others
     ]
-
-
-def _tau(one: Mapping[int, float], other: Mapping[int, float]) -> Any:
-    numbers = sorted(one.keys() & other.keys())
-    return kendall_tau(np.array([(one[number], other[number]) for number in numbers]).reshape(-1, 2))
 
 
 def _format_table(found: Mapping[str, StudyResult], agreements: Mapping[str, Agreement]) -> list[str]:

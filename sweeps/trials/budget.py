@@ -129,16 +129,21 @@ def budget_from_args(options: argparse.Namespace, preset: Budget) -> Budget:
 def _describe_weights(weights: str) -> str:
     if weights in (_IMAGENET, _FROM_SCRATCH):
         return weights
-    path = Path(weights)
-    if not path.is_file():
-        raise InputError(f"no weights file {path}; pass imagenet, none or the path of a .weights.h5 file")
-    return f"{path.name}, sha256 {short_sha256(path)}"
+    return _describe_file(
+        weights, kind="weights file", advice="imagenet, none or the path of a .weights.h5 file"
+    )
 
 
 def _describe_ranges(ranges: str) -> str:
     if not ranges.endswith(".toml"):
         return ranges
-    path = Path(ranges)
+    return _describe_file(
+        ranges, kind="file of ranges", advice="the name of a preset or the path of a .toml file"
+    )
+
+
+def _describe_file(name: str, *, kind: str, advice: str) -> str:
+    path = Path(name)
     if not path.is_file():
-        raise InputError(f"no file of ranges {path}; pass the name of a preset or the path of a .toml file")
+        raise InputError(f"no {kind} {path}; pass {advice}")
     return f"{path.name}, sha256 {short_sha256(path)}"

@@ -15,17 +15,13 @@ def run_worker_process(settings: WorkerSettings) -> None:
 
 
 def _run_worker(settings: WorkerSettings) -> None:
-    load_tensorflow()
+    # This worker's share of the cores.
+    load_tensorflow(threads=settings.threads)
     quiet_optuna()
-    import tensorflow as tf
-
     from sweeps.trials.training_data import TrainingData
     from sweeps.trials.trial_runner import TrialRunner
     from sweeps.workers.objective import TrainingObjective
 
-    # This worker's share of the cores.
-    tf.config.threading.set_intra_op_parallelism_threads(settings.threads)
-    tf.config.threading.set_inter_op_parallelism_threads(settings.threads)
     runner = TrialRunner(settings.budget, TrainingData(settings.budget, threads=settings.threads))
     queue = settings.open_queue_patiently()
     objective = TrainingObjective(runner, queue, settings.folder)

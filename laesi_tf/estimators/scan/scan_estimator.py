@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from laesi_tf.common.arrays import RgbImage
-from laesi_tf.common.geometry import ImageSize, Polygon, polygon_area, polygon_perimeter, trace_polygons
+from laesi_tf.common.geometry import ImageSize, Polygon, polygon_perimeter, trace_polygons
 from laesi_tf.estimators.base import (
     UNKNOWN,
     LeafMeasurement,
@@ -135,7 +135,7 @@ class ScanEstimator:
 
         Most of their area is cut off by the border, or they are many and ragged.
         """
-        areas = np.array([abs(polygon_area(outline.polygon.outer)) for outline in outlines])
+        areas = np.array([outline.area_px for outline in outlines])
         hulls = [cv2.contourArea(cv2.convexHull(o.polygon.outer.astype(np.float32))) for o in outlines]
         is_cut_off = np.array([outline.is_cut_off for outline in outlines], bool)
         params = self.params
