@@ -43,6 +43,7 @@ def plot_ablation(rows: Sequence[Row]) -> Figure:
                 ylabel=f"change of {_LABELS[metric]}",
                 title=f"{task}, {name}: {_NAMES[change]}",
             )
+            axes.margins(x=0.15)  # room for the last names
             axes.grid(True, color="0.93", linewidth=0.6)
     return figure
 
