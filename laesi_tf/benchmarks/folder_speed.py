@@ -27,39 +27,47 @@ def time_folder(
 ) -> dict[str, Any]:
     """Measure a folder of `count` links to `photos` with each number of `workers`.
 
-    With the last of them it is measured once more, killed `kills` times after a random number of photos and
-    started again. Further `arguments` go to `predict`. Raises InputError if a run fails.
+    The run with the last of them is killed `kills` times after a random number of photos and started again;
+    its seconds are those of all its parts. Where only one number is given, it is also run without a kill, as
+    the tables are compared. Further `arguments` go to `predict`. Raises InputError if a run fails.
     """
-    runs: dict[int, PredictRun] = {}
+    stops = sorted(random.Random(seed).sample(range(1, count), min(kills, count - 1)))
+    plans: list[tuple[int, list[int]]] = [
+        (number, []) for number in (workers[:-1] if stops and len(workers) > 1 else workers)
+    ]
+    if stops:
+        plans.append((workers[-1], stops))
+    runs, tables = [], []
     with tempfile.TemporaryDirectory(prefix="laesi-folder-") as name:
         folder = Path(name)
         link_photos(photos, folder / "photos", count=count)
-        for number in progress_bar(workers, desc="runs", unit="run"):
-            options = ["--workers", str(number), *arguments]
-            runs[number] = _require_success(run_predict(folder / "photos", folder / f"{number}", options))
-        options = ["--workers", str(workers[-1]), *arguments]
-        stops = sorted(random.Random(seed).sample(range(1, count), min(kills, count - 1)))
-        for stop in stops:
-            run_predict(folder / "photos", folder / "killed", options, kill_at=stop)
-        _require_success(run_predict(folder / "photos", folder / "killed", options))
-        tables = [(folder / f"{number}" / TABLE_FILE).read_bytes() for number in workers]
-        killed = (folder / "killed" / TABLE_FILE).read_bytes()
+        for order, (number, kills_at) in enumerate(progress_bar(plans, desc="runs", unit="run")):
+            out, options = folder / f"out-{order}", ["--workers", str(number), *arguments]
+            parts = [run_predict(folder / "photos", out, options, kill_at=stop) for stop in kills_at]
+            parts.append(_require_success(run_predict(folder / "photos", out, options)))
+            runs.append(_describe_run(number, parts, count))
+            tables.append((out / TABLE_FILE).read_bytes())
     return {
         "photos": count,
         "different_photos": len(photos),
         "killed_after": stops,
-        "identical_after_kills": killed == tables[-1],
-        "identical_for_all_workers": all(table == tables[0] for table in tables),
-        "runs": {
-            str(number): {
-                "photos_per_s": count / run.seconds,
-                "photos_per_s_after_first": (count - 1) / (run.seconds - run.first_photo_s),
-                "first_photo_s": run.first_photo_s,
-                "peak_mb": run.peak_mb,
-            }
-            for number, run in runs.items()
-        },
+        "identical": all(table == tables[0] for table in tables),
+        "runs": runs,
         **describe_hardware(),
+    }
+
+
+def _describe_run(workers: int, parts: Sequence[PredictRun], count: int) -> dict[str, Any]:
+    """Return the figures of a run of `count` photos in one or more `parts`."""
+    seconds = sum(part.seconds for part in parts)
+    return {
+        "workers": workers,
+        "kills": len(parts) - 1,
+        "photos_per_s": count / seconds,
+        "minutes": seconds / 60,
+        "cpu_s_per_photo": sum(part.cpu_s for part in parts) / count,
+        "first_photo_s": parts[0].first_photo_s,
+        "peak_mb": max(part.peak_mb for part in parts),
     }
 
 
@@ -77,21 +85,23 @@ def link_photos(photos: Sequence[Path], folder: Path, *, count: int) -> None:
 
 def format_table(metrics: Mapping[str, Any]) -> str:
     """Format the figures of `time_folder`."""
-    lines = [format_row("", "photos/s", "later", "first s", "peak MB")]
-    for number, run in metrics["runs"].items():
+    lines = [format_row("", "photos/s", "minutes", "CPU s", "first s", "peak MB")]
+    for run in metrics["runs"]:
+        kills = f", {run['kills']} kills" if run["kills"] else ""
         lines.append(
             format_row(
-                f"{metrics['photos']} photos, {number} worker{'' if number == '1' else 's'}",
+                f"{metrics['photos']} photos, {run['workers']} worker{'s'[: run['workers'] != 1]}{kills}",
                 f"{run['photos_per_s']:.2f}",
-                f"{run['photos_per_s_after_first']:.2f}",
+                f"{run['minutes']:.1f}",
+                f"{run['cpu_s_per_photo']:.2f}",
                 f"{run['first_photo_s']:.1f}",
                 f"{run['peak_mb']:.0f}",
             )
         )
-    same = {True: "identical", False: "NOT identical"}
-    lines.append(f"tables of all numbers of workers: {same[metrics['identical_for_all_workers']]}")
-    stops = ", ".join(map(str, metrics["killed_after"]))
-    lines.append(f"table after kills at {stops} photos: {same[metrics['identical_after_kills']]}")
+    same = "identical" if metrics["identical"] else "NOT identical"
+    lines.append(f"tables of all runs: {same}")
+    if metrics["killed_after"]:
+        lines.append(f"killed after {', '.join(map(str, metrics['killed_after']))} photos")
     machine = "{different_photos} different photos, {machine}, {cores} cores, LiteRT {litert}, {date}"
     return "\n".join([*lines, machine.format_map(metrics)])
 

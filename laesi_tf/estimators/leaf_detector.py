@@ -115,7 +115,8 @@ class LeafDetector:
     def _segment_by_contrast(self, overview: RgbImage, letterbox: Letterbox) -> FloatMap:
         """Return 1 where `overview`, uint8 [h, w, 3], differs in colour from the sheet, else 0: float32."""
         side = min(MAX_MEDIAN_SIDE, min(letterbox.extent) // 3 | 1)
-        difference = cv2.absdiff(overview, cv2.medianBlur(overview, side)).max(axis=2)
+        channels = cv2.split(cv2.absdiff(overview, cv2.medianBlur(overview, side)))
+        difference = cv2.max(cv2.max(channels[0], channels[1]), channels[2])
         threshold, _ = cv2.threshold(difference, 0, 255, cv2.THRESH_OTSU)
         marked = (difference > max(threshold, self._params.min_contrast)).astype(np.uint8)
         return cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(np.float32)

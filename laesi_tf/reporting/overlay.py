@@ -35,6 +35,9 @@ def resize(image: RgbImage, side: int) -> RgbImage:
     scale = side / max(image.shape[:2])
     height, width = (max(1, round(length * scale)) for length in image.shape[:2])
     interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    # Of a photo of many pixels, a thumbnail's pixel needs no more than sixteen.
+    skipped = max(1, int(1 / (4 * scale)))
+    image = image[::skipped, ::skipped]
     return cv2.resize(image, (width, height), interpolation=interpolation)
 
 
@@ -63,20 +66,20 @@ def draw_grid(image: RgbImage, camera: SheetCamera, *, scale: Points | float = 1
     drawn, thickness = image.copy(), max(1, max(image.shape[:2]) // 900)
     for axis in (0, 1):
         first, last = np.ceil(low[axis] / step), np.floor(high[axis] / step)
-        for number in np.arange(first, min(last, first + _MAX_LINES) + 1):
-            line = low + along[:, None] * (high - low)
-            line[:, axis] = number * step
-            points = camera.to_photo(line)
-            inside = ((points > -size) & (points < 2 * size)).all(axis=1)
-            for start, end in zip(
-                *(np.flatnonzero(np.diff(inside, prepend=False, append=False))[i::2] for i in (0, 1)),
-                strict=True,
-            ):
-                polyline = to_cv2_points(points[start:end] * scale, shift=_SUBPIXEL_BITS)
-                cv2.polylines(
-                    drawn, [polyline], False, GRID_COLOUR, thickness, cv2.LINE_AA, shift=_SUBPIXEL_BITS
-                )
+        numbers = np.arange(first, min(last, first + _MAX_LINES) + 1)
+        lines = np.tile(low + along[:, None] * (high - low), (len(numbers), 1, 1))
+        lines[..., axis] = numbers[:, None] * step
+        pieces = [piece for points in camera.to_photo(lines) for piece in _find_visible(points, size)]
+        polylines = [to_cv2_points(piece * scale, shift=_SUBPIXEL_BITS) for piece in pieces]
+        cv2.polylines(drawn, polylines, False, GRID_COLOUR, thickness, cv2.LINE_AA, shift=_SUBPIXEL_BITS)
     return drawn
+
+
+def _find_visible(line: Points, size: Points) -> list[Points]:
+    """Return the pieces of `line` [N, 2] that lie on a photo of `size` (x, y) or close to it."""
+    inside = ((line > -size) & (line < 2 * size)).all(axis=1)
+    changes = np.flatnonzero(np.diff(inside, prepend=False, append=False))
+    return [line[start:end] for start, end in zip(changes[::2], changes[1::2], strict=True)]
 
 
 def write_png(path: Path, image: RgbImage) -> None:

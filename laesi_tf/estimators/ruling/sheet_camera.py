@@ -11,6 +11,8 @@ from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
 
 _DIFFERENCE = 1e-4
 """Step of numerical derivatives, in half the photo's longer side."""
+_CONVERGED = 1e-10
+"""Last step of Newton's method, in the same unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,8 @@ class SheetCamera:
             miss = target - self._lines(self.parameters, place)
             change = np.linalg.solve(jacobian, miss[..., None])[..., 0]
             place = place + np.clip(change, -0.3, 0.3)
+            if np.abs(change).max(initial=0.0) < _CONVERGED:
+                break
         unit, middle = self._frame()
         return (place * unit + middle) * self.step
 
