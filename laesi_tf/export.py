@@ -26,18 +26,49 @@ if TYPE_CHECKING:
 
 _PRECISIONS = ("float32", "float16", "dynamic", "int8")
 _DEFAULT_PRECISIONS = ("float32", "float16")
+_DEFAULT_SCENES = 16
+_FORMATS = {
+    "precision": ("litert",),
+    "scenes": ("litert", "package"),
+    "photos": ("litert", "package"),
+    "split": ("litert", "package"),
+}
+"""The formats that an option has an effect on; all others have one on every format."""
 _CALIBRATION_SCENES = 32
 
 
 def main(arguments: Sequence[str]) -> None:
     """Run the command. Raises InputError for a run that is missing or a folder that cannot be written."""
     options = _make_parser().parse_args(arguments)
+    _check_options(options)
     if options.format == "keras":
         _export_keras(options)
     elif options.format == "package":
         _export_package(options)
     else:
         _export_litert(options)
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Raise InputError for an option that would have no effect beside the others."""
+    for name, formats in _FORMATS.items():
+        if getattr(options, name) is not None and options.format not in formats:
+            raise InputError(
+                f"--{name} has no effect with --format {options.format}; leave it out, or add --format "
+                f"{' or '.join(formats)}"
+            )
+    if options.split is not None and options.photos is None:
+        raise InputError("--split has no effect without --photos; name the manifest, or leave it out")
+    if options.scenes is not None and options.photos is not None:
+        raise InputError(
+            "--scenes has no effect with --photos, which are measured instead; leave out one of them"
+        )
+    is_int8_alone = options.precision is not None and set(options.precision) == {"int8"}
+    if options.ruling_run is not None and is_int8_alone:
+        raise InputError(
+            "--ruling-run has no effect with --precision int8, which only the area and the mask network "
+            "have; add another precision, or leave it out"
+        )
 
 
 def _export_keras(options: argparse.Namespace) -> None:
@@ -81,17 +112,19 @@ def _export_litert(options: argparse.Namespace) -> None:
     )
 
     networks = _load_networks(options)
+    precisions = options.precision or _DEFAULT_PRECISIONS
     options.out.mkdir(parents=True, exist_ok=True)
-    scenes = render_pictures(options.scenes if photos is None else 1)
+    # The first is the golden photo, also where the files are measured on others.
+    scenes = render_pictures((options.scenes or _DEFAULT_SCENES) if photos is None else 1)
     pictures = scenes if photos is None else load_pictures(photos)
-    calibration = render_calibration(_CALIBRATION_SCENES) if "int8" in options.precision else []
+    calibration = render_calibration(_CALIBRATION_SCENES) if "int8" in precisions else []
     scores = []
     print(f"{len(pictures)} pictures; a file may be 0.5 points worse than its parent, in Keras")
     print(HEADER)
     # The converter writes hundreds of lines to stderr.
     with suppress_stderr():
         for score in export_litert(
-            networks, options.out, pictures, calibration=calibration, variants=options.precision
+            networks, options.out, pictures, calibration=calibration, variants=precisions
         ):
             scores.append(score)
             print(score.as_row(), flush=True)
@@ -114,7 +147,7 @@ def _export_package(options: argparse.Namespace) -> None:
     print("converting the reader of rulings takes two minutes", flush=True)
     with suppress_stderr():
         export_package(_load_networks(options), options.out)
-    pictures = render_pictures(options.scenes) if photos is None else load_pictures(photos)
+    pictures = render_pictures(options.scenes or _DEFAULT_SCENES) if photos is None else load_pictures(photos)
     print(f"{len(pictures)} pictures")
     print(HEADER)
     scores = []
@@ -161,16 +194,14 @@ def _make_parser() -> argparse.ArgumentParser:
         "--precision",
         nargs="+",
         choices=_PRECISIONS,
-        default=_DEFAULT_PRECISIONS,
         help="precisions of the LiteRT files; int8 does not hold for the shipped networks "
-        "(default: float32 float16)",
+        f"(default: {' '.join(_DEFAULT_PRECISIONS)})",
     )
     parser.add_argument(
         "--scenes",
         type=positive_int,
-        default=16,
         metavar="N",
-        help="rendered scenes that files are measured on",
+        help=f"rendered scenes that files are measured on (default: {_DEFAULT_SCENES})",
     )
     parser.add_argument(
         "--photos",

@@ -31,7 +31,7 @@ from laesi_tf.measuring.measure_photos import default_workers, measure_photos
 from laesi_tf.measuring.photo_tasks import PhotoTask, make_tasks
 from laesi_tf.measuring.provenance import describe_settings, list_models
 from laesi_tf.measuring.results_folder import ResultsFolder
-from laesi_tf.measuring.sample_names import SampleNames, match_samples, read_sample_rows
+from laesi_tf.measuring.sample_names import describe_mismatches, name_photos, read_sample_names
 from laesi_tf.measuring.summary import format_summary, summarise
 from laesi_tf.measuring.summary_files import write_summary_files
 from laesi_tf.reporting.record_tables import CSV_FORMATS
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str]) -> None:
     options = _make_parser().parse_args(arguments)
     check_scale_options(options)
     side = overlay_side(options)
-    rows = None if options.names is None else read_sample_rows(options.names)
+    given = None if options.names is None else read_sample_names(options.names)
     search = find_photos(options.photos, recursive=options.recursive)
     models = list_models(**model_options(options), has_known_scale=has_known_scale(options))
     settings = describe_settings(
@@ -52,8 +52,8 @@ def main(arguments: Sequence[str]) -> None:
         options.out, settings, csv=options.csv, json_lines=options.jsonl, again=options.again
     ) as results:
         tasks = make_tasks(search.photos, results.overlays, foreign=results.list_foreign_files())
-        names = SampleNames() if rows is None else match_samples(rows, tasks, options.names)
-        todo = results.open(tasks, names.samples, overlay_side=side)
+        names = name_photos(tasks, results.kept_options.names, given)
+        todo = results.open(tasks, names, overlay_side=side)
         complete = False
         try:
             if todo:
@@ -65,7 +65,11 @@ def main(arguments: Sequence[str]) -> None:
                 write_summary_files(
                     results, models, json=options.json, passed_over=search.describe_passed_over()
                 )
-        _print_summary(results, search, names, reused=len(tasks) - len(todo))
+        about_table = [
+            *results.kept_options.describe(without_csv=options.csv is None, without_names=given is None),
+            *describe_mismatches(names, tasks, is_given=given is not None),
+        ]
+        _print_summary(results, search, about_table, reused=len(tasks) - len(todo))
 
 
 def _measure(
@@ -115,8 +119,13 @@ def _make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _print_summary(results: ResultsFolder, search: PhotoSearch, names: SampleNames, *, reused: int) -> None:
-    """Print what was measured and what needs attention. Raises InputError if no photo can be read."""
+def _print_summary(
+    results: ResultsFolder, search: PhotoSearch, about_table: Sequence[str], *, reused: int
+) -> None:
+    """Print what was measured and what needs attention, the lines `about_table` last.
+
+    Raises InputError if no photo can be read.
+    """
     summary = summarise(results.read_entries())
     if summary.unreadable == summary.photos:
         others = summary.photos - 1
@@ -134,7 +143,7 @@ def _print_summary(results: ResultsFolder, search: PhotoSearch, names: SampleNam
         lines.append(f"the earlier table had been changed; it is kept as {results.kept_copy}")
     if passed_over := search.describe_passed_over():
         lines.append(f"passed over: {passed_over}")
-    print("\n".join(map(sanitise_text, [*lines, *names.describe_mismatches()])))
+    print("\n".join(map(sanitise_text, [*lines, *about_table])))
 
 
 if __name__ == "__main__":

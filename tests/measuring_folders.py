@@ -43,7 +43,7 @@ def predict(out: Path, *arguments: object) -> list[dict[str, str]]:
 
 
 def read_rows(out: Path) -> list[dict[str, str]]:
-    with (out / "areas.csv").open(newline="", encoding="utf-8") as file:
+    with (out / "areas.csv").open(newline="", encoding="utf-8-sig") as file:
         return list(csv.DictReader(file))
 
 

@@ -37,6 +37,30 @@ def run(tmp_path_factory):
     return path
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--format keras --precision int8", "--precision has no effect with --format keras; .* litert"),
+        (
+            "--format package --precision float16",
+            "--precision has no effect with --format package; .* litert",
+        ),
+        ("--format keras --scenes 16", "--scenes has no effect with --format keras; .* litert or package"),
+        ("--format keras --photos p.csv", "--photos has no effect with --format keras; .* litert or package"),
+        ("--format keras --split test", "--split has no effect with --format keras; .* litert or package"),
+        ("--split test", "--split has no effect without --photos"),
+        ("--format package --split test", "--split has no effect without --photos"),
+        ("--photos p.csv --scenes 16", "--scenes has no effect with --photos"),
+        ("--format package --photos p.csv --scenes 3", "--scenes has no effect with --photos"),
+        ("--ruling-run r --precision int8", "--ruling-run has no effect with --precision int8"),
+    ],
+)
+def test_options_without_effect_are_errors(options, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        main([*options.split(), "--out", str(tmp_path / "out")])
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_exported_run_is_small_and_predicts_the_same(run, tmp_path):
     main([*KERAS, str(run), "--out", str(tmp_path / "small"), "--json", str(tmp_path / "figures.json")])
     images = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3)).astype(np.float32)

@@ -17,6 +17,7 @@ from laesi_tf import predict as command
 from laesi_tf.common import atomic_files
 from laesi_tf.common.errors import InputError
 from laesi_tf.estimators import factory
+from laesi_tf.reporting.record_tables import RecordTable
 
 LEVELS = {"a": 10, "b": 20, "c": 30, "d": 40}
 
@@ -149,6 +150,61 @@ def test_a_table_that_somebody_edited_is_kept(
     assert len(predict(tmp_path / "out", photos)) == 4
     assert (tmp_path / "out" / "areas.edited.csv").read_text() == "edited"
     assert "areas.edited.csv" in capsys.readouterr().out
+
+
+def test_csv_and_names_survive_again_and_other_settings(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, MeanLevel())
+    (tmp_path / "n.csv").write_text("b.png,fir\n")
+    out, table = str(tmp_path / "out"), tmp_path / "out" / "areas.csv"
+    command.main([str(photos), "--out", out, "--csv", "excel", "--names", str(tmp_path / "n.csv")])
+    before = table.read_bytes()
+    command.main([str(photos), "--out", out, "--again"])
+    assert table.read_bytes() == before
+    command.main([str(photos), "--out", out, "--again", "--px-per-mm", "5"])
+    assert table.read_bytes().startswith(b"\xef\xbb\xbf") and b"b.png,fir," in table.read_bytes()
+
+
+def test_a_new_dialect_survives_an_interruption(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    use(monkeypatch, MeanLevel())
+    predict(tmp_path / "out", photos)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(RecordTable, "rewrite", interrupt)
+        predict(tmp_path / "out", photos, "--csv", "excel")
+    predict(tmp_path / "out", photos)
+    assert (tmp_path / "out" / "areas.csv").read_bytes().startswith(b"\xef\xbb\xbf")
+
+
+def test_a_refused_command_leaves_no_trace_in_the_folder(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, MeanLevel())
+    predict(tmp_path / "out", photos)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    (tmp_path / "out" / "areas.csv").chmod(0o444)
+    with pytest.raises(InputError, match="write-protected"):
+        predict(tmp_path / "out", photos, "--csv", "excel")
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+def test_a_folder_of_an_earlier_version_has_no_kept_options(
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, MeanLevel())
+    predict(tmp_path / "out", photos)
+    before, journal = (tmp_path / "out" / "areas.csv").read_bytes(), tmp_path / "out" / "areas.journal"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    assert lines.pop(1).startswith(b'{"table": ')
+    for damage in (b"", b'{"table": {"csv": "excel"}}\n', b'{"table": 1}\n'):
+        journal.write_bytes(b"".join([*lines, damage]))
+        predict(tmp_path / "out", photos)
+        assert (tmp_path / "out" / "areas.csv").read_bytes() == before
 
 
 def test_a_full_disk_is_one_error_and_keeps_whole_rows(
@@ -289,7 +345,11 @@ def test_kill_9_loses_only_photos_in_progress(tmp_path: Path, monkeypatch: pytes
         "--json",
         str(tmp_path / "j"),
     ]
-    process = subprocess.Popen([sys.executable, "-c", KILLED, str(Path(__file__).parent), *arguments])
+    (tmp_path / "n.csv").write_text("01.png,oak\n24.png,fir\n")
+    only_once = ["--names", str(tmp_path / "n.csv"), "--csv", "excel"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(Path(__file__).parent), *arguments, *only_once]
+    )
     table = tmp_path / "out" / "areas.csv"
     deadline = time.monotonic() + 60
     while not table.exists() or table.read_bytes().count(b"\n") < 5:
@@ -304,4 +364,6 @@ def test_kill_9_loses_only_photos_in_progress(tmp_path: Path, monkeypatch: pytes
     after = read_rows(tmp_path / "out")
     assert after[: len(before)] == before and names(after) == [f"{level:02}.png" for level in range(1, 25)]
     assert estimator.calls <= 24 - len(before)
-    assert len(json.loads((tmp_path / "j").read_text())) == 24
+    figures = json.loads((tmp_path / "j").read_text())
+    assert [figure["sample"] for figure in figures] == ["oak", *[None] * 22, "fir"]
+    assert table.read_bytes().startswith(b"\xef\xbb\xbf")

@@ -45,6 +45,21 @@ def test_dialects_of_csv(tmp_path: Path) -> None:
     assert (tmp_path / "1" / "areas.csv").read_bytes() == standard
 
 
+def test_a_folder_keeps_its_dialect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one, two = save(tmp_path / "1.png", 50), save(tmp_path / "2.png", 60)
+    table = tmp_path / "out" / "areas.csv"
+    kept = "as in earlier commands: --csv decimal-comma\n"
+    command.main([str(one), "--out", str(table.parent), "--csv", "decimal-comma"])
+    assert kept not in capsys.readouterr().out
+    command.main([str(two), "--out", str(table.parent)])
+    assert [line.count(b";") for line in table.read_bytes().splitlines()] == [len(COLUMNS) - 1] * 3
+    assert kept in capsys.readouterr().out
+    for _ in range(2):
+        command.main([str(two), "--out", str(table.parent), "--csv", "standard"])
+        assert table.read_bytes().startswith(b"photo,sample")
+        assert "as in earlier commands" not in capsys.readouterr().out
+
+
 def test_json_lines_have_the_same_figures(tmp_path: Path) -> None:
     for level in (10, 20):
         save(tmp_path / "in" / f"{level}.png", level)
@@ -78,6 +93,78 @@ def test_names_are_joined_and_mismatches_are_named(
     (tmp_path / "n.csv").write_text("1.png,oak\n")
     with pytest.raises(InputError, match=r"1\.png is both .*A/1\.png and .*B/1\.png; write its folder"):
         predict(tmp_path / "out", tmp_path / "in", "--recursive", "--names", tmp_path / "n.csv")
+
+
+def samples(rows: list[dict[str, str]]) -> dict[str, str]:
+    """Return the sample of each photo, by its folder and name."""
+    return {"/".join(Path(row["photo"]).parts[-2:]): row["sample"] for row in rows}
+
+
+def test_a_folder_keeps_its_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("A/1.png", "A/2.png", "B/1.png", "B/3.png"):
+        save(tmp_path / name)
+    listed, out = tmp_path / "n.csv", tmp_path / "out"
+    listed.write_text("1.png,oak\n2.png,fir\n3.png,ash\n")
+    predict(out, tmp_path / "A", "--names", listed)
+    capsys.readouterr()
+    # The row of 3.png finds its photo now; that of 1.png is the one of A, and no other.
+    rows = predict(out, tmp_path / "B")
+    assert samples(rows) == {"A/1.png": "oak", "A/2.png": "fir", "B/1.png": "", "B/3.png": "ash"}
+    printed = capsys.readouterr().out
+    assert f"as in earlier commands: --names {listed}\n" in printed and "has changed" not in printed
+    assert "photos without a name: 1 (" in printed and "names without a photo" not in printed
+    listed.write_text("1.png,birch\n")
+    assert samples(predict(out, tmp_path / "A"))["A/1.png"] == "oak"
+    assert f"{listed} has changed since; name it with --names" in capsys.readouterr().out
+    listed.unlink()
+    assert samples(predict(out, tmp_path / "A"))["A/1.png"] == "oak"
+    assert "has changed" not in capsys.readouterr().out
+
+
+def test_another_list_replaces_the_names_of_its_command(tmp_path: Path) -> None:
+    for name in ("A/1.png", "A/2.png", "B/1.png", "B/2.png"):
+        save(tmp_path / name)
+    listed, out = tmp_path / "n.csv", tmp_path / "out"
+    listed.write_text("1.png,oak\n2.png,fir\n")
+    predict(out, tmp_path / "A", "--names", listed)
+    listed.write_text("1.png,birch\n")
+    expected = {"A/1.png": "oak", "A/2.png": "fir", "B/1.png": "birch", "B/2.png": ""}
+    assert samples(predict(out, tmp_path / "B", "--names", listed)) == expected
+    assert samples(predict(out, tmp_path / "A")) == expected
+    listed.write_text("file,sample\n")
+    rows = predict(out, tmp_path / "A", "--names", listed)
+    assert samples(rows) == expected | {"A/1.png": "", "A/2.png": ""}
+
+
+def test_a_list_that_is_given_again_keeps_what_its_rows_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, two, other = (save(tmp_path / name) for name in ("A/1.png", "A/2.png", "B/1.png"))
+    (tmp_path / "n.csv").write_text("1.png,oak\n2.png,fir\n")
+    for photo in (one, two):
+        predict(tmp_path / "out", photo, "--names", tmp_path / "n.csv")
+    first, second = capsys.readouterr().out.split("see ")[1:]
+    assert "names without a photo: 1 (2.png)" in first and "names without" not in second
+    rows = predict(tmp_path / "out", other)
+    assert samples(rows) == {"A/1.png": "oak", "A/2.png": "fir", "B/1.png": ""}
+
+
+def test_kept_names_are_refused_where_they_are_ambiguous(tmp_path: Path) -> None:
+    for name in ("1.png", "A/2.png", "B/2.png"):
+        save(tmp_path / name)
+    (tmp_path / "n.csv").write_text("1.png,oak\n2.png,fir\n")
+    predict(tmp_path / "out", tmp_path / "1.png", "--names", tmp_path / "n.csv")
+    with pytest.raises(InputError, match=r"2\.png is both .* and give the list again with --names"):
+        predict(tmp_path / "out", tmp_path / "A", tmp_path / "B")
+
+
+def test_a_kept_name_of_a_file_is_that_of_its_pages(tmp_path: Path) -> None:
+    scan, listed = save(tmp_path / "scan.tif"), tmp_path / "n.csv"
+    listed.write_text("scan.tif,oak\n")
+    predict(tmp_path / "out", scan, "--names", listed)
+    page = Image.new("RGB", (40, 30), (70, 70, 70))
+    page.save(scan, save_all=True, append_images=[page])
+    assert [row["sample"] for row in predict(tmp_path / "out", scan)] == ["oak"] * 3
 
 
 @pytest.mark.parametrize(

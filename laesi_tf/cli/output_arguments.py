@@ -26,9 +26,8 @@ def add_output_arguments(parser: argparse.ArgumentParser, *, csv_formats: Sequen
     parser.add_argument(
         "--csv",
         choices=tuple(csv_formats),
-        default=csv_formats[0],
         help="dialect of areas.csv: `excel` begins with a byte order mark, `decimal-comma` has semicolons "
-        "and decimal commas, too",
+        "and decimal commas, too (default: that of the folder, which begins with `standard`)",
     )
     parser.add_argument(
         "--jsonl", type=output_file, metavar="FILE", help="also write a JSON object per leaf and line to FILE"
@@ -37,7 +36,8 @@ def add_output_arguments(parser: argparse.ArgumentParser, *, csv_formats: Sequen
         "--names",
         type=Path,
         metavar="FILE",
-        help="CSV of two columns, file and sample: the column `sample` of the tables",
+        help="CSV of two columns, file and sample: the column `sample` of the tables (default: the list that "
+        "the folder was last given)",
     )
     parser.add_argument(
         "--overlay-size",

@@ -1,7 +1,8 @@
 """The journal of a folder of results: one line per measured photo, from which all other files can be written.
 
 A line is appended as soon as its photo is measured. A process that is killed loses the photos in progress;
-an incomplete last line is ignored and cut off.
+an incomplete last line is ignored and cut off. A line `table` says how the tables are written; the last one
+holds.
 """
 
 import contextlib
@@ -58,12 +59,11 @@ class JournalEntry:
             "records": [record.to_values() for record in self.records],
             "thumbnail": self.thumbnail,
         }
-        return json.dumps(values).encode("ascii") + b"\n"
+        return _to_line(values)
 
     @classmethod
-    def from_line(cls, line: bytes) -> "JournalEntry":
-        """Parse a line. Raises ValueError, KeyError or TypeError for one that is no entry."""
-        values = json.loads(line)
+    def from_values(cls, values: dict[str, Any]) -> "JournalEntry":
+        """Return the entry of a parsed line. Raises ValueError, KeyError or TypeError if it is none."""
         state = values["state"]
         return cls(
             key=str(values["key"]),
@@ -97,15 +97,24 @@ class Journal:
         """The settings of all measurements; None if the file does not exist."""
         self.heads: dict[str, EntryHead] = {}
         """The last entry of each photo, in the order in which the photos were first measured."""
+        self.table: dict[str, Any] = {}
+        """How the tables are written; empty in a journal of an earlier version."""
         self._end = 0
         if os.path.lexists(path):
             self._read()
 
-    def create(self, settings: dict[str, Any]) -> None:
-        """Start an empty journal. Raises InputError where it cannot be written."""
-        header = json.dumps({"laesi_journal": _VERSION, "settings": settings}).encode("ascii") + b"\n"
-        write_bytes(self.path, header)
-        self.settings, self.heads, self._end = settings, {}, len(header)
+    def create(self, settings: dict[str, Any], table: dict[str, Any]) -> None:
+        """Start a journal without entries. Raises InputError where it cannot be written."""
+        lines = _to_line({"laesi_journal": _VERSION, "settings": settings}) + _to_line({"table": table})
+        write_bytes(self.path, lines)
+        self.settings, self.table, self.heads, self._end = settings, table, {}, len(lines)
+
+    def keep_table(self, table: dict[str, Any]) -> None:
+        """Append how the tables are written if that has changed. Raises InputError where it cannot be."""
+        if table != self.table:
+            line = _to_line({"table": table})
+            append_bytes(self.path, line)
+            self.table, self._end = table, self._end + len(line)
 
     def append(self, entry: JournalEntry) -> None:
         """Append an entry. Raises InputError where it cannot be written, and then changes nothing."""
@@ -120,7 +129,7 @@ class Journal:
             with self.path.open("rb") as file:
                 for key in keys:
                     file.seek(self.heads[key].offset)
-                    yield JournalEntry.from_line(file.readline())
+                    yield JournalEntry.from_values(json.loads(file.readline()))
         except (OSError, ValueError, KeyError) as error:
             raise InputError(f"cannot read {self.path} ({error}); run the same command again") from None
 
@@ -134,7 +143,7 @@ class Journal:
                     if not line.endswith(b"\n"):
                         break
                     with contextlib.suppress(ValueError, KeyError, TypeError):
-                        self._add_head(JournalEntry.from_line(line), self._end)
+                        self._add_line(json.loads(line))
                     self._end += len(line)
                 size = file.seek(0, os.SEEK_END)
             if size > self._end:
@@ -153,8 +162,19 @@ class Journal:
             f"{self.path} is no journal of this version; choose another --out, or replace it with --again"
         )
 
+    def _add_line(self, values: dict[str, Any]) -> None:
+        """Add what the line at the end says. Raises ValueError, KeyError or TypeError for a damaged one."""
+        if "table" in values:
+            self.table = dict(values["table"])
+        else:
+            self._add_head(JournalEntry.from_values(values), self._end)
+
     def _add_head(self, entry: JournalEntry, offset: int) -> None:
         record = entry.records[0]
         self.heads[entry.key] = EntryHead(
             offset, entry.state, entry.overlay_side, record.overlay, record.is_unreadable
         )
+
+
+def _to_line(values: dict[str, Any]) -> bytes:
+    return json.dumps(values).encode("ascii") + b"\n"

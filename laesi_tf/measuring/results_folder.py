@@ -14,7 +14,8 @@ from laesi_tf.measuring.folder_lock import FolderLock
 from laesi_tf.measuring.journal import Journal, JournalEntry
 from laesi_tf.measuring.photo_tasks import PhotoTask
 from laesi_tf.measuring.provenance import keep_edited_table
-from laesi_tf.reporting.leaf_records import LeafRecord
+from laesi_tf.measuring.sample_names import SampleNames
+from laesi_tf.measuring.table_options import TableOptions
 from laesi_tf.reporting.record_tables import CSV_FORMATS, JSON_LINES, RecordTable
 
 
@@ -26,24 +27,21 @@ class ResultsFolder:
         folder: Path,
         settings: dict[str, Any],
         *,
-        csv: str = "standard",
+        csv: str | None = None,
         json_lines: Path | None = None,
         again: bool = False,
     ) -> None:
         """Look at what is in `folder`, which need not exist, and change nothing.
 
         `settings` are all that a measurement depends on beside the photo. `csv` names a dialect of
-        `CSV_FORMATS`; `json_lines` is a further table. With `again`, all photos are measured: earlier results
-        of the same settings are replaced one by one, those of other settings all together as soon as a photo
-        can be read. Raises InputError if the folder has results that were measured with other settings, or a
-        table of another origin.
+        `CSV_FORMATS`; without it the folder keeps its own. `json_lines` is a further table. With `again`, all
+        photos are measured: earlier results of the same settings are replaced one by one, those of other
+        settings all together as soon as a photo can be read. Raises InputError if the folder has results that
+        were measured with other settings, or a table of another origin.
         """
         self.folder = folder
         self.table = folder / TABLE_FILE
         self.settings = settings
-        self._tables = [RecordTable(self.table, CSV_FORMATS[csv])]
-        if json_lines is not None:
-            self._tables.append(RecordTable(json_lines, JSON_LINES))
         _require_replaceable(self.table)
         self._lock = FolderLock(folder)
         # Reading cuts off an incomplete line, which must not be one that another command is writing.
@@ -53,6 +51,12 @@ class ResultsFolder:
         except InputError:
             self._lock.release()
             raise
+        self.kept_options = TableOptions.from_values(self._journal.table)
+        """How earlier commands wrote the tables."""
+        self._options = replace(self.kept_options, csv=csv or self.kept_options.csv)
+        self._tables = [RecordTable(self.table, CSV_FORMATS[self._options.csv])]
+        if json_lines is not None:
+            self._tables.append(RecordTable(json_lines, JSON_LINES))
         self._measures_all = again
         self._replaces_all = again and self._journal.settings != settings
         """Whether all that is in the folder is replaced."""
@@ -61,8 +65,8 @@ class ResultsFolder:
         """Photos that cannot be read, while no photo could be read: then nothing is written."""
         self._in_table: list[str] = []
         """Keys in the order of the tables' rows."""
-        self._labels: dict[str, tuple[str, str | None]] = {}
-        """Photo and sample as this command names them, by key."""
+        self._labels: dict[str, str] = {}
+        """Photos as this command names them, by key."""
         self._new_overlays: set[str] = set()
         self.kept_copy: Path | None = None
         """Where the earlier table is if somebody had changed it."""
@@ -94,18 +98,21 @@ class ResultsFolder:
         return is_same and head.overlay is not None and (self.folder / head.overlay).exists()
 
     def open(
-        self, tasks: Sequence[PhotoTask], samples: Mapping[str, str], *, overlay_side: int | None
+        self, tasks: Sequence[PhotoTask], names: SampleNames, *, overlay_side: int | None
     ) -> list[PhotoTask]:
         """Return the tasks that must be measured, and write the tables of the others.
 
-        `samples` are the names of samples by the key of their photo.
+        The folder keeps `names` and the dialect for later commands.
         """
-        self._labels = {task.key: (str(task.page), samples.get(task.key)) for task in tasks}
+        self._options = replace(self._options, names=names)
+        self._labels = {task.key: str(task.page) for task in tasks}
         self._new_overlays = set() if overlay_side is None else {task.overlay for task in tasks}
         todo = [task for task in tasks if not self.is_measured(task, overlay_side=overlay_side)]
         missing = {task.key for task in todo}
         if not self._replaces_all and self._journal.settings is not None:
             self._is_open = True
+            # Before the tables, so that a command after an interruption writes them in the same way.
+            self._journal.keep_table(self._options.to_values())
             self.kept_copy = keep_edited_table(self.table, self.folder / PROVENANCE_FILE)
             self._rewrite_tables([key for key in self._order() if key not in missing])
         return todo
@@ -194,7 +201,7 @@ class ResultsFolder:
             if name is not None and name not in self._new_overlays and Path(name).name == name:
                 (self.folder / name).unlink(missing_ok=True)
         self._journal.path = self.folder / JOURNAL_FILE
-        self._journal.create(self.settings)
+        self._journal.create(self.settings, self._options.to_values())
         self._is_open = True
         self._lock.acquire()
         self._rewrite_tables([])
@@ -212,10 +219,9 @@ class ResultsFolder:
 
     def _present(self, entry: JournalEntry) -> JournalEntry:
         """Return `entry` with the photo as this command names it, and with the name of its sample."""
-        if entry.key not in self._labels:
-            return entry
-        label, sample = self._labels[entry.key]
-        records: list[LeafRecord] = [replace(record, photo=label, sample=sample) for record in entry.records]
+        label = self._labels.get(entry.key, entry.records[0].photo)
+        sample = self._options.names.samples.get(entry.key)
+        records = (replace(record, photo=label, sample=sample) for record in entry.records)
         return replace(entry, records=tuple(records))
 
 
