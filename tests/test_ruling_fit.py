@@ -179,6 +179,28 @@ def test_blur_that_hides_the_finest_lines_is_refused():
     assert "finer ones" in refusal
 
 
+@pytest.mark.parametrize(("blur", "half_mm"), [(0.8, 40.0), (1.2, 60.0)])
+def test_a_harmonic_of_heavier_lines_is_not_taken_for_the_finest(blur, half_mm):
+    view = View(px_per_mm=1.6)
+    photo = draw_photo(view, {1.0: 0.3, 10.0: 0.9}, blur=blur, width_mm=0.15, half_mm=half_mm)
+    reading = read(view, photo, pitch_mm=2.0, half_mm=half_mm)
+    assert bool(reading.heavier.fifth) and not bool(reading.heavier.are_finest)
+    for grid_mm in (None, 1.0):
+        refusal = judged(view, reading, grid_mm=grid_mm).refusal
+        assert refusal is not None and "finer ones" in refusal
+
+
+@pytest.mark.parametrize(("blur", "is_read"), [(0.8, True), (1.5, False)])
+def test_paper_with_heavier_second_lines_is_read_if_its_finest_lines_are_sharp(blur, is_read):
+    view = View(px_per_mm=4.0, height=768, width=1024)
+    photo = draw_photo(view, {1.0: 0.4, 2.0: 0.6, 10.0: 1.0}, blur=blur, quality=85)
+    result = judged(view, read(view, photo))
+    if is_read:
+        assert np.abs(scale_errors(view, result)).max() < 2e-3
+    else:
+        assert result.refusal is not None and "finer ones" in result.refusal
+
+
 def test_lines_in_one_direction_are_no_ruling():
     view = View()
     assert judged(view, read(view, draw_photo(view, FIVES_AND_TENS, families=1))).refusal is not None

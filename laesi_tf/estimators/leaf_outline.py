@@ -27,6 +27,7 @@ from laesi_tf.estimators.sheet_map import SheetMap
 
 CUT_OFF = "cut off by the photo's border: at least this much"
 TOUCHED = "something other than bare paper touches it: look whether a part is covered or left out"
+HIDDEN_MARGIN = "its margin has the paper's colour and is known by the lines it hides: look at the outline"
 
 UNCERTAINTY_SET = (
     "rendered (split develop, visible areas) and every 8th photo of semi-real's train: 68 and 95 % of the "
@@ -91,6 +92,8 @@ class LeafOutline:
     """Whether it reaches the photo's border."""
     is_touched: bool
     """Whether something other than paper touches it."""
+    has_hidden_margin: bool = False
+    """Whether it includes a margin that has the paper's colour."""
 
     @property
     def placed_mask(self) -> PlacedMask:
@@ -99,7 +102,8 @@ class LeafOutline:
 
     def without_scale(self) -> LeafMeasurement:
         """Return what is known of the leaf without a scale: its outline."""
-        notes = [note for note, holds in ((CUT_OFF, self.is_cut_off), (TOUCHED, self.is_touched)) if holds]
+        reasons = {CUT_OFF: self.is_cut_off, TOUCHED: self.is_touched, HIDDEN_MARGIN: self.has_hidden_margin}
+        notes = [note for note, holds in reasons.items() if holds]
         return LeafMeasurement(
             outline=self.polygon.outer, holes=self.polygon.holes, note="; ".join(notes) or None
         )

@@ -17,6 +17,7 @@ import numpy as np
 from laesi_tf.common.arrays import Mask, RgbImage
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
+from laesi_tf.estimators.hidden_margin import HiddenMarginParams, add_hidden_margin
 from laesi_tf.estimators.leaf_outline import UNCERTAINTY_SET, LeafOutline, paint_masks
 from laesi_tf.estimators.mask_estimator import NO_LEAF, MaskEstimator, MaskEstimatorParams
 from laesi_tf.estimators.parameters import parameter
@@ -46,6 +47,7 @@ class RulingEstimatorParams:
     mask: MaskEstimatorParams = field(default_factory=MaskEstimatorParams)
     ruling: RulingReaderParams = field(default_factory=RulingReaderParams)
     sheet: SheetColourParams = field(default_factory=SheetColourParams)
+    margin: HiddenMarginParams = field(default_factory=HiddenMarginParams)
     on_sheet: float = parameter(
         0.5, unit="share of the leaf", set_on="rendered (split develop) and cases, 2026-11-29"
     )
@@ -108,6 +110,8 @@ class RulingEstimator:
         if sheet.camera is None:
             return self._measure_without_ruling(outlines, sheet, pyramid)
         on_sheet = self._find_on_sheet(outlines, sheet, pyramid.overview)
+        off_sheet = [outline for outline in outlines if outline not in on_sheet]
+        on_sheet = self._add_margins(on_sheet, off_sheet, sheet, pyramid)
         mask = paint_masks((outline.placed_mask for outline in on_sheet), pyramid.photo)
         if not on_sheet:
             return Measurement(
@@ -119,9 +123,9 @@ class RulingEstimator:
                 refusal=NO_LEAF_ON_SHEET if outlines else NO_LEAF,
             )
         notes = list(sheet.notes)
-        if len(on_sheet) < len(outlines):
-            notes.append(OFF_SHEET.format(count=len(outlines) - len(on_sheet)))
-        contours = [outline.polygon.outer for outline in outlines]
+        if off_sheet:
+            notes.append(OFF_SHEET.format(count=len(off_sheet)))
+        contours = [outline.polygon.outer for outline in on_sheet + off_sheet]
         if uncounted := count_uncounted(pyramid, contours, sheet.outline, self.params.mask):
             notes.append(UNCOUNTED.format(count=uncounted))
         return Measurement(
@@ -157,6 +161,25 @@ class RulingEstimator:
             elif likeness >= params.sheet.least_share and not outline.is_cut_off:
                 on_sheet.append(outline)
         return [outline for outline in outlines if outline in on_sheet]
+
+    def _add_margins(
+        self,
+        on_sheet: list[LeafOutline],
+        off_sheet: list[LeafOutline],
+        sheet: SheetReading,
+        pyramid: PhotoPyramid,
+    ) -> list[LeafOutline]:
+        """Return the leaves `on_sheet` with margins that have the paper's colour."""
+        ruled_part, camera = sheet.outline, sheet.camera
+        if ruled_part is None or camera is None:
+            return on_sheet
+
+        def add_margin(leaf: LeafOutline) -> LeafOutline:
+            others = [other.polygon.outer for other in on_sheet + off_sheet if other is not leaf]
+            params = self.params.margin
+            return add_hidden_margin(leaf, others, ruled_part, camera, pyramid, params) or leaf
+
+        return [add_margin(leaf) for leaf in on_sheet]
 
     def _measure_leaf(self, outline: LeafOutline, camera: SheetCamera) -> LeafMeasurement:
         """Measure a leaf through the camera, corrected for its height above the paper."""

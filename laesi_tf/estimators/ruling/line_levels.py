@@ -23,6 +23,7 @@ _FIFTHS = np.array([2, 4, 6, 8, 12], np.float32) / 10
 _HALVES = np.array([5, 15], np.float32) / 10
 _QUARTERS = np.array([1, 3, 5], np.float32) / 4
 _SIXTHS = np.array([1, 2, 4, 5, 7], np.float32) / 6
+_FITTED = np.array([10], np.float32) / 10
 
 
 class CoherentSum(NamedTuple):
@@ -67,6 +68,8 @@ class HeavierLines(NamedTuple):
     sixths."""
     factors: tf.Tensor
     """[2], by which the families' own finest lines are finer than the fitted: 1, 5/4 or 5/6, or HALF."""
+    are_finest: tf.Tensor
+    """bool scalar, the fitted lines are printed: they are no mere harmonic of heavier ones."""
 
     @property
     def surest(self) -> tf.Tensor:
@@ -175,11 +178,11 @@ def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
     tenth, and every tenth a twentieth, which makes waves at quarters; no paper has heavier tenths and
     fourths.
     """
-    groups = [_TENTHS, _FIFTHS, _HALVES, _QUARTERS, _SIXTHS]
+    groups = [_TENTHS, _FIFTHS, _HALVES, _QUARTERS, _SIXTHS, _FITTED]
     sums = sum_in_phase(windows, predicted, np.concatenate(groups), params)
     signal = (sums.real**2 + sums.imaginary**2) / (sums.error**2 + 1e-9) * tf.cast(sums.reachable, tf.float32)
     parts = tf.split(signal, [len(group) for group in groups], axis=1)
-    strength = tf.stack([tf.reduce_mean(part, 1) for part in parts])
+    strength = tf.stack([tf.reduce_mean(part, 1) for part in parts[:-1]])
     there = (tf.reduce_mean(strength, 1) > params.heavy) & (tf.reduce_min(strength, 1) > params.heavy / 2)
     _, fifths, _, quarters, sixths = tf.unstack(strength)
     wins = fifths[::-1] > params.heavy / 2
@@ -189,6 +192,8 @@ def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
     factors = tf.where(is_quarter, 1.25, tf.where(is_sixth, 5 / 6, 1.0))
     tenth = there[0]
     factors = tf.where(tenth & there[3], HALF, factors)
+    row = _Harmonics(tf.math.log(tf.maximum(sums.amplitude, sums.error)))
+    is_printed = (row.measure_excess() > params.own_excess) | ~tf.reduce_all(sums.reachable[:, 8])
     return HeavierLines(
         second=there[2] & ~tenth & ~there[1] & ~there[3],
         fourth=there[3] & ~there[1] & ~tenth,
@@ -196,7 +201,41 @@ def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
         tenth=tenth,
         strength=strength,
         factors=factors,
+        are_finest=is_printed & ~(tenth & row.may_be_doubled(params)),
     )
+
+
+class _Harmonics:
+    """Waves of heavier lines, a row that is smooth where nothing else is printed."""
+
+    def __init__(self, logs: tf.Tensor) -> None:
+        """Take logarithms of amplitudes [2 families, K], first those at `_TENTHS`, `_FIFTHS` and `_HALVES`,
+        last that of the fitted lines."""
+        order = [*_TENTHS, *_FIFTHS, *_HALVES]
+        self._at = {round(10 * float(ratio)): logs[:, place] for place, ratio in enumerate(order)}
+        self._at[10] = logs[:, -1]
+
+    def measure_excess(self) -> tf.Tensor:
+        """Return how far the fitted lines' wave lies above the row at fifths, ln of amplitude, scalar.
+
+        A parabola, as of a Gaussian blur, leads through the neighbours at 6, 8 and 12 tenths.
+        """
+        at = self._at
+        slope, next_slope = (at[8] - at[6]) / 2, (at[12] - at[8]) / 4
+        expected = at[6] + 4 * slope + 8 * (next_slope - slope) / 6
+        return tf.reduce_mean(at[10] - expected)
+
+    def may_be_doubled(self, params: LevelParams) -> tf.Tensor:
+        """Return whether tenths may be fives, and the fitted lines half as far apart as printed ones, bool
+        scalar.
+
+        Then the wave at the half stands out of its row, and farther than the fitted one. On paper with
+        heavier second lines it seldom does: the finest lines add to the one wave and take from the other.
+        """
+        at = self._at
+        beside = {order: (at[order - 1] + at[order + 1]) / 2 for order in (5, 10)}
+        half, whole = (tf.exp(at[order]) - tf.exp(beside[order]) for order in (5, 10))
+        return tf.reduce_all((at[5] - beside[5] > params.half_excess) & (half > whole))
 
 
 def _fifths_over_tenths(amplitude: tf.Tensor) -> tf.Tensor:

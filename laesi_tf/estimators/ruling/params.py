@@ -7,6 +7,7 @@ import numpy as np
 from laesi_tf.estimators.parameters import RENDERED, RENDERED_AND_CASES, parameter
 from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
 
+_SCENES_78 = "160 phone scenes of millimetre paper (1,024 px, seed 78), 2026-11-30"
 _WIDE = 1e4
 """Standard deviation of a parameter that nothing is known of."""
 
@@ -112,6 +113,12 @@ class LevelParams:
     harmonic."""
     fifth_excess: float = parameter(0.22, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
     """What waves at fifths exceed those at tenths by where every fifth line is heavier, not only tenths."""
+    half_excess: float = parameter(0.2, unit="ln of amplitude", set_on=_SCENES_78)
+    """What a wave at the half exceeds its neighbours by where it is the finest lines': -0.3 to 0.14 where
+    tenths are heavier, 0.36 where fives were read as tens."""
+    own_excess: float = parameter(0.12, unit="ln of amplitude", set_on=_SCENES_78)
+    """What the finest lines' wave exceeds the harmonics of heavier fives by: 0.33 to 2.7 where they are seen,
+    0.03 where they are too fine."""
     smooth: float = parameter(0.25, unit="ln of amplitude", set_on=RENDERED_AND_CASES)
     """Second differences along the harmonics of lines with nothing between them; 0.05 on drawn squares."""
     highest: float = parameter(0.47, unit="periods per pixel", set_on=RENDERED_AND_CASES)

@@ -65,6 +65,7 @@ def decide_refusal(
     # Beyond what a photo can hold, millimetres of 1-5-10 paper make way for a harmonic of its tens.
     may_be_harmonic = heavier.fifth & ~heavier.tenth & (period < params.surely_finest_px)
     may_be_harmonic &= heavier.surest < params.sure_fifths
+    may_be_harmonic |= ~is_millimetre & ~is_plain & ~heavier.are_finest
     reasons = [
         (votes.agreeing_cells < params.fewest_cells, Refusal.NO_RULING),
         ((weaker < params.faintest) & (stronger < 5 * params.faintest), Refusal.NO_RULING),

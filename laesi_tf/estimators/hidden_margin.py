@@ -1,0 +1,175 @@
+"""Margins of leaves that have the colour of paper: they are known by the print that they hide."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from laesi_tf.common.arrays import FloatMap, Mask, Points
+from laesi_tf.common.geometry import Polygon, trace_polygons
+from laesi_tf.estimators.colour_model import distance_inside, make_disc
+from laesi_tf.estimators.leaf_outline import LeafOutline, paint_masks
+from laesi_tf.estimators.parameters import parameter
+from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid, shrink
+from laesi_tf.estimators.print_visibility import (
+    SET_ON,
+    PrintVisibility,
+    PrintVisibilityParams,
+    measure_visibility,
+)
+from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
+
+_TOUCHING_PX = 4
+"""What is so near to a leaf touches it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HiddenMarginParams:
+    """Parameters of margins that have the colour of paper."""
+
+    visibility: PrintVisibilityParams = field(default_factory=PrintVisibilityParams)
+    room: float = parameter(0.3, unit="share of the leaf's longer side", set_on=SET_ON)
+    """So far around the leaf the paper is compared."""
+    side_px: int = parameter(640, unit="pixels", set_on=SET_ON)
+    """Longer side of that crop at most."""
+    line_px: float = parameter(5.0, unit="pixels per finest line", set_on=SET_ON)
+    """More pixels show no more of the print."""
+    hidden_below: float = parameter(0.5, unit="share of the print's contrast", set_on="halfway")
+    """Where less of the print is seen, it is hidden."""
+    least_width: float = parameter(1.2, unit="finest lines", set_on=SET_ON)
+    """A margin is at least so wide: blur hides the print beside any leaf."""
+    greatest_width: float = parameter(0.35, unit="share of the leaf's width", set_on=SET_ON)
+    """A margin is at most so wide; labels and fingers reach farther."""
+    least_energy: float = parameter(0.6, unit="mean of the bare paper", set_on=SET_ON)
+    """So much print there would be to see: little between the heavier lines, where shadows hide it."""
+    least_contact: float = parameter(0.08, unit="share of the leaf's outline", set_on=SET_ON)
+    """Each part of a margin runs at least so far along the leaf, as gloss and folds do not."""
+    least_total_contact: float = parameter(0.25, unit="share of the leaf's outline", set_on=SET_ON)
+    """The whole margin does so at least so far."""
+    least_area: float = parameter(0.02, unit="share of the leaf", set_on=SET_ON)
+    """A margin has at least so much of the leaf's area."""
+    least_visible: float = parameter(0.9, unit="share of the paper around", set_on=SET_ON)
+    """Nothing is added where the print is not seen on so much of the bare paper."""
+    edge_sd: float = parameter(
+        0.4, unit="finest lines", set_on="two pale margins, of cases and of a scene, 2026-11-30"
+    )
+    """Standard deviation of the position of a margin's whole edge."""
+
+
+def add_hidden_margin(
+    outline: LeafOutline,
+    others: Sequence[Points],
+    sheet: Points,
+    camera: SheetCamera,
+    pyramid: PhotoPyramid,
+    params: HiddenMarginParams,
+) -> LeafOutline | None:
+    """Return `outline` with the margin beside it that hides the print, or None where there is none.
+
+    `others` are the outlines [n, 2] of other leaves, `sheet` is that of the ruled part, convex; photo pixels.
+    """
+    leaf = outline.polygon.outer
+    crop = _crop_around(leaf, camera, pyramid, params)
+    own, other = crop.paint([leaf]) > 0, crop.paint(others) > 0
+    hidden = _grow(own | other, 1)
+    visibility = measure_visibility(crop, camera, camera.pitch_mm, hidden, params.visibility)
+    if visibility is None:
+        return None
+    ruled = distance_inside(crop.paint([sheet]) > 0) > visibility.px_per_line
+    covered = _find_covered(visibility, own, hidden, ruled, params)
+    margin = _choose_margin(covered, own, other, visibility.energy, params)
+    if np.count_nonzero(margin) < params.least_area * np.count_nonzero(own):
+        return None
+    near = distance_inside(~(own | margin)) <= 2 * visibility.px_per_line
+    bare = ruled & visibility.is_known & ~near
+    if not bare.any() or (visibility.share[bare] > params.hidden_below).mean() < params.least_visible:
+        return None
+    margin |= _grow(margin, 2) & hidden & ~own & ~other
+    return _join(outline, margin, crop, pyramid, params.edge_sd * visibility.px_per_line)
+
+
+def _crop_around(
+    leaf: Points, camera: SheetCamera, pyramid: PhotoPyramid, params: HiddenMarginParams
+) -> Crop:
+    low, high = leaf.min(axis=0), leaf.max(axis=0)
+    room = params.room * (high - low).max()
+    side = params.side_px
+    crop = pyramid.crop_around(np.stack([low - room, high + room]), min_side=side, max_side=side)
+    line_px = camera.px_per_mm((low + high) / 2) * camera.pitch_mm / float(crop.pixel_size.mean())
+    return shrink(crop, round(max(crop.size) * min(1.0, params.line_px / line_px)))
+
+
+def _find_covered(
+    visibility: PrintVisibility, own: Mask, hidden: Mask, ruled: Mask, params: HiddenMarginParams
+) -> Mask:
+    """Return where the print is hidden beside a leaf, bool [h, w], without what is narrower than a margin."""
+    covered = visibility.is_known & (visibility.share < params.hidden_below)
+    radius = params.least_width * visibility.px_per_line / 2
+    disc, wide = make_disc(radius), make_disc(2 * radius)
+    closed = cv2.morphologyEx((covered | own).astype(np.uint8), cv2.MORPH_CLOSE, wide) > 0
+    closed &= ~hidden & ruled
+    return cv2.morphologyEx(closed.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
+
+
+def _choose_margin(
+    covered: Mask, own: Mask, other: Mask, energy: FloatMap, params: HiddenMarginParams
+) -> Mask:
+    """Return the parts of `covered`, bool [h, w], that lie along the leaf like a margin.
+
+    `own` is the leaf, and `other` are other leaves. There are none unless some parts surely are.
+    """
+    count, labels = cv2.connectedComponents(covered.astype(np.uint8))
+    _, sides, _ = cv2.minAreaRect(cv2.findNonZero(own.astype(np.uint8)))
+    limit = distance_inside(~own) > params.greatest_width * float(np.min(sides))
+    limit |= _grow(other, _TOUCHING_PX)
+    limit[[0, -1]] = True
+    limit[:, [0, -1]] = True
+    may_be_margin = np.bincount(labels[limit], minlength=count) == 0
+    may_be_margin[0] = False
+    sizes = np.maximum(np.bincount(labels.ravel(), minlength=count), 1)
+    is_sure = np.bincount(labels.ravel(), energy.ravel(), count) / sizes > params.least_energy
+    ring = _grow(own, 1) & ~own
+    # Where two parts touch the same pixel, one of them counts.
+    touching = cv2.dilate(labels.astype(np.float32), _square(_TOUCHING_PX))[ring].astype(int)
+    contact = np.bincount(touching, minlength=count) / max(int(np.count_nonzero(ring)), 1)
+    is_sure &= may_be_margin & (contact > params.least_contact)
+    if contact[is_sure].sum() < params.least_total_contact:
+        return np.zeros_like(covered)
+    return (may_be_margin & (contact > 0))[labels]
+
+
+def _join(
+    outline: LeafOutline, margin: Mask, crop: Crop, pyramid: PhotoPyramid, edge_sd: float
+) -> LeafOutline:
+    """Return `outline` with `margin`, bool [h, w] in `crop`, whose edge is known within `edge_sd` pixels."""
+    corners = [part.to_photo(np.stack([np.zeros(2), part.size.xy])) for part in (crop, outline.crop)]
+    box = np.stack([np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))])
+    side = max(outline.mask.shape)
+    target = pyramid.crop_around(box, min_side=side, max_side=2 * side)
+    mask = paint_masks([outline.placed_mask, (crop, margin)], target)
+    # The margin's pixels are coarser than the leaf's.
+    mask = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, make_disc(2.0)) > 0
+    outer, *holes = (target.to_photo(ring) for ring in trace_polygons(mask)[0].rings)
+    contours, _ = cv2.findContours(margin.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    # Half of a margin's outline is its edge; the other half is the leaf's.
+    edge = sum(cv2.arcLength(contour, True) for contour in contours) / 2
+    area_sd = edge_sd * edge * float(crop.pixel_size.prod())
+    return dataclasses.replace(
+        outline,
+        crop=target,
+        mask=mask,
+        polygon=Polygon(outer, tuple(holes)),
+        area_sd_px=float(np.hypot(outline.area_sd_px, area_sd)),
+        has_hidden_margin=True,
+    )
+
+
+def _grow(mask: Mask, pixels: int) -> Mask:
+    return cv2.dilate(mask.astype(np.uint8), _square(pixels)) > 0
+
+
+def _square(reach: int) -> NDArray[np.uint8]:
+    return np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)

@@ -1,0 +1,136 @@
+"""Margins of leaves that have the colour of paper, on drawn sheets."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from laesi_tf.common.geometry import Polygon, trace_polygons
+from laesi_tf.estimators.hidden_margin import HiddenMarginParams, add_hidden_margin
+from laesi_tf.estimators.leaf_outline import HIDDEN_MARGIN, LeafOutline
+from laesi_tf.estimators.photo_pyramid import PhotoPyramid
+from laesi_tf.estimators.print_visibility import PrintVisibilityParams, measure_visibility
+from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
+
+SIDE, PAPER, GREEN = 600, (236, 230, 224), (60, 110, 50)
+CORNERS = np.array([[0.0, 0], [SIDE, 0], [SIDE, SIDE], [0, SIDE]])
+LEAF, MARGIN = ((300, 300), (150, 80)), ((300, 300), (180, 110))
+"""Middle and half axes of the green part, and of the leaf with its margin."""
+
+
+def make_camera(line_px: float, turn: float) -> SheetCamera:
+    parameters = np.zeros(14)
+    c, s = np.array([np.cos(turn), np.sin(turn)]) * SIDE / 2 / line_px
+    parameters[:6] = [0.3, -0.4, c, s, -s, c]
+    return SheetCamera(parameters, np.zeros((14, 14)), (SIDE, SIDE))
+
+
+def draw_sheet(camera: SheetCamera, *, strength: float = 0.3) -> np.ndarray:
+    """Paper with lines every 1, 5 and 10 mm, float32 [SIDE, SIDE, 3]."""
+    places = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
+    lines = camera.to_sheet(np.stack(places, -1))
+    ink = np.zeros((SIDE, SIDE))
+    for pitch, weight in ((1, 0.5), (5, 0.8), (10, 1.0)):
+        distance = np.abs(lines - pitch * np.round(lines / pitch)).min(axis=2)
+        ink = np.maximum(ink, weight * np.exp(-((distance / 0.12) ** 2)))
+    return (PAPER - strength * ink[..., None] * np.array([40.0, 200, 200])).astype(np.float32)
+
+
+def paint(
+    image: np.ndarray, ellipse: tuple[tuple[int, int], tuple[int, int]], colour: tuple[int, ...]
+) -> None:
+    cv2.ellipse(image, ellipse[0], ellipse[1], 25, 0, 360, colour, -1, cv2.LINE_AA)
+
+
+def add_noise(image: np.ndarray) -> np.ndarray:
+    noisy = image + np.random.default_rng(0).normal(0, 3, image.shape)
+    return np.clip(np.round(noisy), 0, 255).astype(np.uint8)
+
+
+def outline_green(photo: PhotoPyramid) -> LeafOutline:
+    """The outline of the green part, as a network that does not know margins gives it."""
+    mask = np.zeros((SIDE, SIDE), np.uint8)
+    cv2.ellipse(mask, *LEAF, 25, 0, 360, 1, -1)
+    polygon = Polygon(trace_polygons(mask > 0)[0].outer)
+    return LeafOutline(
+        crop=photo.photo,
+        mask=mask > 0,
+        polygon=polygon,
+        area_sd_px=10.0,
+        edge_sd_mm=0.02,
+        is_cut_off=False,
+        is_touched=False,
+    )
+
+
+def find_margin(image: np.ndarray, camera: SheetCamera) -> LeafOutline | None:
+    photo = PhotoPyramid(add_noise(image))
+    return add_hidden_margin(outline_green(photo), [], CORNERS, camera, photo, HiddenMarginParams())
+
+
+@settings(max_examples=5, deadline=None)
+@given(line_px=st.floats(4.0, 9.0), turn=st.floats(0.0, 1.5), brightness=st.integers(-25, 8))
+def test_a_margin_of_the_papers_colour_is_measured(line_px: float, turn: float, brightness: int) -> None:
+    camera = make_camera(line_px, turn)
+    image = draw_sheet(camera)
+    paint(image, MARGIN, tuple(level + brightness for level in PAPER))
+    paint(image, LEAF, GREEN)
+    found = find_margin(image, camera)
+    assert found is not None
+    true_area = np.pi * np.prod(MARGIN[1])
+    assert found.area_px == pytest.approx(true_area, rel=0.08)
+    assert found.area_sd_px > 100
+    assert found.mask.sum() * found.crop.pixel_size.prod() == pytest.approx(found.area_px, rel=0.02)
+    assert HIDDEN_MARGIN in (found.without_scale().note or "")
+
+
+def draw_bare(image: np.ndarray) -> None:
+    del image
+
+
+def draw_shadow(image: np.ndarray) -> None:
+    shade = np.ones((SIDE, SIDE), np.float32)
+    cv2.ellipse(shade, (325, 325), LEAF[1], 25, 0, 360, 0.45, -1)
+    image *= cv2.GaussianBlur(shade, (0, 0), 8)[..., None]
+
+
+def draw_label(image: np.ndarray) -> None:
+    image[330:420, 200:560] = PAPER
+
+
+def draw_gloss(image: np.ndarray) -> None:
+    paint(image, ((430, 330), (40, 25)), PAPER)
+
+
+@pytest.mark.parametrize("draw", [draw_bare, draw_shadow, draw_label, draw_gloss])
+def test_what_is_no_margin_adds_nothing(draw) -> None:
+    camera = make_camera(6.0, 0.2)
+    image = draw_sheet(camera)
+    draw(image)
+    paint(image, LEAF, GREEN)
+    assert find_margin(image, camera) is None
+
+
+def test_print_too_faint_or_too_fine_tells_nothing() -> None:
+    faint, fine = make_camera(6.0, 0.2), make_camera(2.0, 0.2)
+    for camera, strength in ((faint, 0.01), (fine, 0.3)):
+        image = draw_sheet(camera, strength=strength)
+        paint(image, MARGIN, PAPER)
+        paint(image, LEAF, GREEN)
+        assert find_margin(image, camera) is None
+
+
+def test_print_is_seen_in_shadow_and_not_under_what_covers_it() -> None:
+    camera = make_camera(5.0, 0.3)
+    image = draw_sheet(camera)
+    image[:, 400:] *= 0.5
+    image[100:200, 100:200] = PAPER
+    photo = PhotoPyramid(add_noise(image))
+    hidden = np.zeros((SIDE, SIDE), bool)
+    seen = measure_visibility(photo.photo, camera, 1.0, hidden, PrintVisibilityParams())
+    assert seen is not None
+    assert seen.px_per_line == pytest.approx(5.0, rel=1e-3)
+    assert np.median(seen.share[:, 430:]) == pytest.approx(1, abs=0.15)
+    assert np.abs(seen.share[120:180, 120:180]).max() < 0.3
+    assert seen.is_known.mean() > 0.95
