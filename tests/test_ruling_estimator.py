@@ -12,7 +12,7 @@ from laesi_tf.estimators.base import Estimator, PhotoInfo
 from laesi_tf.estimators.keras_networks import make_area_estimator, make_mask_estimator
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
-from laesi_tf.estimators.ruling_estimator import NO_LEAF_ON_SHEET, RulingEstimator
+from laesi_tf.estimators.ruling_estimator import MOSTLY_UNCOUNTED, NO_LEAF_ON_SHEET, RulingEstimator
 
 SIZE = (96, 96)
 MILLIMETRES = {1.0: 0.55, 5.0: 0.8, 10.0: 1.0}
@@ -163,3 +163,24 @@ def test_lines_of_what_lies_around_a_scrap_of_paper_are_not_its_ruling(
     image[180:430, 280:620] = (236, 232, 225)
     cv2.circle(image, (450, 300), 60, LEAF, -1)
     assert ruling_estimator.measure(image).refusal == NO_LEAF_ON_SHEET
+
+
+def test_a_margin_of_the_papers_colour_is_part_of_the_leaf(ruling_estimator: RulingEstimator) -> None:
+    image = draw_photo(View(600, 900, px_per_mm=6.0), MILLIMETRES).astype(np.uint8)
+    cv2.circle(image, (450, 300), 120, (233, 230, 222), -1)
+    cv2.circle(image, (450, 300), 90, LEAF, -1)
+    measured = ruling_estimator.measure(image)
+    assert measured.area_cm2 == pytest.approx(np.pi * 20**2 / 100, rel=0.06)
+    assert measured.leaves[0].note is not None and "margin" in measured.leaves[0].note
+
+
+def test_a_piece_of_a_larger_leaf_is_refused(ruling_estimator: RulingEstimator) -> None:
+    image = draw_photo(View(600, 900, px_per_mm=6.0), MILLIMETRES).astype(np.uint8)
+    cv2.circle(image, (200, 300), 35, LEAF, -1)
+    turns = np.linspace(0, 2 * np.pi, 100)
+    across, down = 150 * np.cos(turns), 90 * np.sin(turns) * np.cos(turns / 2) ** 2
+    brown = np.round(np.stack([580 + across, 300 + down], 1)).astype(np.int32)
+    cv2.fillPoly(image, [brown], (120, 80, 40))
+    measured = ruling_estimator.measure(image)
+    assert measured.refusal == MOSTLY_UNCOUNTED
+    assert measured.area_cm2 is None

@@ -7,7 +7,7 @@ import pytest
 from laesi_tf.common.arrays import Points
 from laesi_tf.estimators.mask_estimator import MaskEstimatorParams
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
-from laesi_tf.estimators.uncounted_things import count_uncounted
+from laesi_tf.estimators.uncounted_things import find_uncounted
 
 GREEN, BROWN, YELLOW = (60, 110, 40), (120, 80, 40), (200, 170, 60)
 PARAMS = MaskEstimatorParams()
@@ -32,7 +32,7 @@ def draw_leaf(
 
 
 def count(sheet: np.ndarray, leaves: list[Points], outline: Points | None = None) -> int:
-    return count_uncounted(PhotoPyramid(sheet), leaves, outline, PARAMS)
+    return find_uncounted(PhotoPyramid(sheet), leaves, outline, PARAMS).number
 
 
 @pytest.mark.parametrize("colour", [GREEN, BROWN, YELLOW])
@@ -69,3 +69,12 @@ def test_only_the_sheet_is_searched() -> None:
     left_part = np.array([[0, 0], [700, 0], [700, 900], [0, 900]], float)
     assert count(sheet, [large]) == 1
     assert count(sheet, [large], left_part) == 0
+
+
+def test_the_size_of_what_is_not_counted() -> None:
+    sheet = draw_sheet()
+    small = draw_leaf(sheet, (300, 400), (100, 80), GREEN)
+    draw_leaf(sheet, (800, 450), (200, 160), GREEN)
+    found = find_uncounted(PhotoPyramid(sheet), [small], None, PARAMS)
+    assert found.number == 1
+    assert found.relative_area == pytest.approx(4, rel=0.2)

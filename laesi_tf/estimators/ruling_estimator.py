@@ -22,13 +22,14 @@ from laesi_tf.estimators.leaf_outline import UNCERTAINTY_SET, LeafOutline, paint
 from laesi_tf.estimators.mask_estimator import NO_LEAF, MaskEstimator, MaskEstimatorParams
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
+from laesi_tf.estimators.print_visibility import SET_ON
 from laesi_tf.estimators.ruling.judge import SheetReading
 from laesi_tf.estimators.ruling.params import RulingReaderParams
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 from laesi_tf.estimators.ruling.sheet_reader import SheetReader
 from laesi_tf.estimators.sheet_colour import SheetColour, SheetColourParams
 from laesi_tf.estimators.sheet_map import UniformScale
-from laesi_tf.estimators.uncounted_things import count_uncounted
+from laesi_tf.estimators.uncounted_things import find_uncounted
 
 METHOD = "ruling x silhouette"
 GUESS = "regression, no ruling read"
@@ -36,6 +37,10 @@ GUESS_SCALE = "silhouette x scale of the area model, no ruling read"
 ROUGH_ESTIMATE = "rough estimate of a network, because {reason}"
 NO_GUESS = "the area model has no scale to guess several leaves with"
 OFF_SHEET = "possible leaves beside the ruled sheet, not counted: {count}"
+MOSTLY_UNCOUNTED = (
+    "things on the sheet that have a leaf's colour are much larger than what was outlined: look whether that "
+    "is the leaf, and take other things away"
+)
 UNCOUNTED = "things on the sheet that have a leaf's colour, not counted: {count}"
 NO_LEAF_ON_SHEET = "no leaf found on the lines that were read; lay one whole leaf on the ruled sheet"
 
@@ -52,6 +57,12 @@ class RulingEstimatorParams:
         0.5, unit="share of the leaf", set_on="rendered (split develop) and cases, 2026-11-29"
     )
     """A leaf lies on the ruled part of a sheet with at least so much of its area."""
+    most_uncounted: float = parameter(
+        3.0,
+        unit="area of the leaves",
+        set_on=f"{SET_ON}: at most 1.8 where the leaf was outlined, 6.3 where a tip of it was",
+    )
+    """Where uncounted things of a leaf's colour are larger than this, a part of a leaf was outlined."""
     lift_mm: float = parameter(0.2, unit="mm", set_on="thickness of a fresh leaf that lies flat")
     """Height of the leaf's upper side above the paper."""
     lift_sd_mm: float = parameter(0.05, unit="mm", set_on=UNCERTAINTY_SET)
@@ -113,27 +124,34 @@ class RulingEstimator:
         off_sheet = [outline for outline in outlines if outline not in on_sheet]
         on_sheet = self._add_margins(on_sheet, off_sheet, sheet, pyramid)
         mask = paint_masks((outline.placed_mask for outline in on_sheet), pyramid.photo)
+        contours = [outline.polygon.outer for outline in on_sheet + off_sheet]
+        uncounted = find_uncounted(pyramid, contours, sheet.outline, self.params.mask)
+        refusal = None
         if not on_sheet:
+            refusal = NO_LEAF_ON_SHEET if outlines else NO_LEAF
+        elif uncounted.relative_area > self.params.most_uncounted:
+            refusal = MOSTLY_UNCOUNTED
+        tilt_deg = sheet.camera.tilt_deg()
+        if refusal is not None:
             return Measurement(
                 method=METHOD,
                 leaves=tuple(outline.without_scale() for outline in outlines),
                 mask=mask,
                 camera=sheet.camera,
-                tilt_deg=sheet.camera.tilt_deg(),
-                refusal=NO_LEAF_ON_SHEET if outlines else NO_LEAF,
+                tilt_deg=tilt_deg,
+                refusal=refusal,
             )
         notes = list(sheet.notes)
         if off_sheet:
             notes.append(OFF_SHEET.format(count=len(off_sheet)))
-        contours = [outline.polygon.outer for outline in on_sheet + off_sheet]
-        if uncounted := count_uncounted(pyramid, contours, sheet.outline, self.params.mask):
-            notes.append(UNCOUNTED.format(count=uncounted))
+        if uncounted.number:
+            notes.append(UNCOUNTED.format(count=uncounted.number))
         return Measurement(
             method=METHOD,
             leaves=tuple(self._measure_leaf(outline, sheet.camera) for outline in on_sheet),
             mask=mask,
             camera=sheet.camera,
-            tilt_deg=sheet.camera.tilt_deg(),
+            tilt_deg=tilt_deg,
             note="; ".join(notes) or None,
         )
 

@@ -1,6 +1,7 @@
 """Things on a sheet that have the colour of leaves and were not counted."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,10 +16,18 @@ from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 _SUBPIXEL_BITS = 4
 
 
-def count_uncounted(
+class UncountedThings(NamedTuple):
+    """What looks like leaves and was not counted."""
+
+    number: int
+    relative_area: float
+    """Their area over that of the leaves that were counted."""
+
+
+def find_uncounted(
     pyramid: PhotoPyramid, leaves: Sequence[Points], sheet: Points | None, params: MaskEstimatorParams
-) -> int:
-    """Return how many things on the sheet look like leaves and are none of `leaves`.
+) -> UncountedThings:
+    """Find the things on the sheet that look like leaves and are none of `leaves`.
 
     `leaves` are outlines [n, 2] and `sheet` is the convex outline [n, 2] of the sheet or None, in photo
     pixels. `params` tell the colour of leaves, and the shapes of notes, pens and coins.
@@ -31,7 +40,10 @@ def count_uncounted(
         cv2.fillConvexPoly(painted, corners, 1, shift=_SUBPIXEL_BITS)
         on_sheet = painted > 0
     things = colour.find_things(on_sheet)
-    return sum(not _has_made_shape(thing, params.outline) for thing in things)
+    left_out = [thing for thing in things if not _has_made_shape(thing, params.outline)]
+    area = sum(int(np.count_nonzero(thing)) for thing in left_out)
+    counted = np.count_nonzero(colour.crop.paint(leaves))
+    return UncountedThings(len(left_out), area / max(int(counted), 1))
 
 
 def _has_made_shape(thing: Mask, shapes: LeafOutlineParams) -> bool:
