@@ -1,5 +1,7 @@
 """Margins of leaves that have the colour of paper, on drawn sheets."""
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
@@ -64,7 +66,7 @@ def outline_green(photo: PhotoPyramid) -> LeafOutline:
     )
 
 
-def find_margin(image: np.ndarray, camera: SheetCamera) -> LeafOutline | None:
+def find_margin(image: np.ndarray, camera: SheetCamera) -> LeafOutline:
     photo = PhotoPyramid(add_noise(image))
     return add_hidden_margin(outline_green(photo), [], CORNERS, camera, photo, HiddenMarginParams())
 
@@ -77,7 +79,6 @@ def test_a_margin_of_the_papers_colour_is_measured(line_px: float, turn: float, 
     paint(image, MARGIN, tuple(level + brightness for level in PAPER))
     paint(image, LEAF, GREEN)
     found = find_margin(image, camera)
-    assert found is not None
     true_area = np.pi * np.prod(MARGIN[1])
     assert found.area_px == pytest.approx(true_area, rel=0.08)
     assert found.area_sd_px > 100
@@ -103,13 +104,19 @@ def draw_gloss(image: np.ndarray) -> None:
     paint(image, ((430, 330), (40, 25)), PAPER)
 
 
-@pytest.mark.parametrize("draw", [draw_bare, draw_shadow, draw_label, draw_gloss])
-def test_what_is_no_margin_adds_nothing(draw) -> None:
+@pytest.mark.parametrize(
+    ("draw", "is_touched"),
+    [(draw_bare, False), (draw_shadow, False), (draw_gloss, False), (draw_label, True)],
+)
+def test_what_is_no_margin_adds_nothing(draw: Callable[[np.ndarray], None], is_touched: bool) -> None:
     camera = make_camera(6.0, 0.2)
     image = draw_sheet(camera)
     draw(image)
     paint(image, LEAF, GREEN)
-    assert find_margin(image, camera) is None
+    found = find_margin(image, camera)
+    assert found.area_px == pytest.approx(np.pi * np.prod(LEAF[1]), rel=0.02)
+    assert found.is_touched == is_touched
+    assert not found.has_hidden_margin
 
 
 def test_print_too_faint_or_too_fine_tells_nothing() -> None:
@@ -118,7 +125,7 @@ def test_print_too_faint_or_too_fine_tells_nothing() -> None:
         image = draw_sheet(camera, strength=strength)
         paint(image, MARGIN, PAPER)
         paint(image, LEAF, GREEN)
-        assert find_margin(image, camera) is None
+        assert not find_margin(image, camera).has_hidden_margin
 
 
 def test_print_is_seen_in_shadow_and_not_under_what_covers_it() -> None:

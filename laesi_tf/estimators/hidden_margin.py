@@ -39,7 +39,7 @@ class HiddenMarginParams:
     """More pixels show no more of the print."""
     hidden_below: float = parameter(0.5, unit="share of the print's contrast", set_on="halfway")
     """Where less of the print is seen, it is hidden."""
-    least_width: float = parameter(1.2, unit="finest lines", set_on=SET_ON)
+    least_width: float = parameter(0.7, unit="finest lines", set_on=SET_ON)
     """A margin is at least so wide: blur hides the print beside any leaf."""
     greatest_width: float = parameter(0.35, unit="share of the leaf's width", set_on=SET_ON)
     """A margin is at most so wide; labels and fingers reach farther."""
@@ -51,6 +51,8 @@ class HiddenMarginParams:
     """The whole margin does so at least so far."""
     least_area: float = parameter(0.02, unit="share of the leaf", set_on=SET_ON)
     """A margin has at least so much of the leaf's area."""
+    least_thing: float = parameter(0.1, unit="share of the leaf", set_on=SET_ON)
+    """Something else that hides the print beside a leaf is said if it has so much of the leaf's area."""
     least_visible: float = parameter(0.9, unit="share of the paper around", set_on=SET_ON)
     """Nothing is added where the print is not seen on so much of the bare paper."""
     edge_sd: float = parameter(
@@ -66,10 +68,12 @@ def add_hidden_margin(
     camera: SheetCamera,
     pyramid: PhotoPyramid,
     params: HiddenMarginParams,
-) -> LeafOutline | None:
-    """Return `outline` with the margin beside it that hides the print, or None where there is none.
+) -> LeafOutline:
+    """Return `outline` with the margin beside it that hides the print.
 
-    `others` are the outlines [n, 2] of other leaves, `sheet` is that of the ruled part, convex; photo pixels.
+    Where something else hides it beside the leaf, be it the leaf's other half or a label, the outline
+    `is_touched`. `others` are the outlines [n, 2] of other leaves, `sheet` is that of the ruled part, convex;
+    photo pixels.
     """
     leaf = outline.polygon.outer
     crop = _crop_around(leaf, camera, pyramid, params)
@@ -77,18 +81,19 @@ def add_hidden_margin(
     hidden = _grow(own | other, 1)
     visibility = measure_visibility(crop, camera, camera.pitch_mm, hidden, params.visibility)
     if visibility is None:
-        return None
+        return outline
     ruled = distance_inside(crop.paint([sheet]) > 0) > visibility.px_per_line
     covered = _find_covered(visibility, own, hidden, ruled, params)
-    margin = _choose_margin(covered, own, other, visibility.energy, params)
-    if np.count_nonzero(margin) < params.least_area * np.count_nonzero(own):
-        return None
-    near = distance_inside(~(own | margin)) <= 2 * visibility.px_per_line
-    bare = ruled & visibility.is_known & ~near
+    bare = ruled & visibility.is_known & (distance_inside(~(own | covered)) > 2 * visibility.px_per_line)
     if not bare.any() or (visibility.share[bare] > params.hidden_below).mean() < params.least_visible:
-        return None
-    margin |= _grow(margin, 2) & hidden & ~own & ~other
-    return _join(outline, margin, crop, pyramid, params.edge_sd * visibility.px_per_line)
+        return outline
+    margin, thing = _choose_margin(covered, own, other, visibility.energy, params)
+    leaf_px = np.count_nonzero(own)
+    if np.count_nonzero(margin) >= params.least_area * leaf_px:
+        margin |= _grow(margin, 2) & hidden & ~own & ~other
+        return _join(outline, margin, crop, pyramid, params.edge_sd * visibility.px_per_line)
+    is_beside_thing = bool(np.count_nonzero(thing) >= params.least_thing * leaf_px)
+    return dataclasses.replace(outline, is_touched=outline.is_touched or is_beside_thing)
 
 
 def _crop_around(
@@ -116,10 +121,11 @@ def _find_covered(
 
 def _choose_margin(
     covered: Mask, own: Mask, other: Mask, energy: FloatMap, params: HiddenMarginParams
-) -> Mask:
-    """Return the parts of `covered`, bool [h, w], that lie along the leaf like a margin.
+) -> tuple[Mask, Mask]:
+    """Return the parts of `covered`, bool [h, w], that lie along the leaf like a margin, and other things
+    that touch it.
 
-    `own` is the leaf, and `other` are other leaves. There are none unless some parts surely are.
+    `own` is the leaf, and `other` are other leaves. There is no margin unless some parts surely are one.
     """
     count, labels = cv2.connectedComponents(covered.astype(np.uint8))
     _, sides, _ = cv2.minAreaRect(cv2.findNonZero(own.astype(np.uint8)))
@@ -135,10 +141,10 @@ def _choose_margin(
     # Where two parts touch the same pixel, one of them counts.
     touching = cv2.dilate(labels.astype(np.float32), _square(_TOUCHING_PX))[ring].astype(int)
     contact = np.bincount(touching, minlength=count) / max(int(np.count_nonzero(ring)), 1)
-    is_sure &= may_be_margin & (contact > params.least_contact)
-    if contact[is_sure].sum() < params.least_total_contact:
-        return np.zeros_like(covered)
-    return (may_be_margin & (contact > 0))[labels]
+    is_sure &= contact > params.least_contact
+    is_sure[0] = False
+    has_margin = contact[is_sure & may_be_margin].sum() >= params.least_total_contact
+    return (may_be_margin & (contact > 0) & has_margin)[labels], (is_sure & ~may_be_margin)[labels]
 
 
 def _join(

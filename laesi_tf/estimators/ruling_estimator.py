@@ -194,8 +194,7 @@ class RulingEstimator:
 
         def add_margin(leaf: LeafOutline) -> LeafOutline:
             others = [other.polygon.outer for other in on_sheet + off_sheet if other is not leaf]
-            params = self.params.margin
-            return add_hidden_margin(leaf, others, ruled_part, camera, pyramid, params) or leaf
+            return add_hidden_margin(leaf, others, ruled_part, camera, pyramid, self.params.margin)
 
         return [add_margin(leaf) for leaf in on_sheet]
 
