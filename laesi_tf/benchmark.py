@@ -4,20 +4,19 @@ Machines drift: what is compared is measured alternately, several times, and rep
 interquartile range (IQR). A difference smaller than its IQR is noise.
 """
 
-import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
+from laesi_tf.cli.benchmark_arguments import add_photo_arguments, add_scene_arguments, report_figures
 from laesi_tf.cli.comparison_arguments import add_method_arguments, add_photo_set_arguments
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.dataset_arguments import add_filter_arguments
 from laesi_tf.cli.model_arguments import add_model_arguments, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
-from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_json, write_text
+from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_text
 from laesi_tf.common.hardware import describe_hardware, format_hardware
-from laesi_tf.common.parsing import image_size, non_negative_int, positive_int, select_by_name
+from laesi_tf.common.parsing import non_negative_int, positive_int, select_by_name
 from laesi_tf.data.manifest import read_manifest, read_photo_sets
 from laesi_tf.data.photo_search import find_photos
 
@@ -35,7 +34,7 @@ def main(arguments: Sequence[str]) -> None:
 def benchmark_synthesis(arguments: Sequence[str]) -> None:
     """Measure the speed of synthesis, alone, per component and during training, and its peak memory."""
     parser = make_parser("benchmark synthesis", benchmark_synthesis.__doc__)
-    _add_scene_arguments(parser, size=(224, 224))
+    add_scene_arguments(parser, size=(224, 224))
     parser.add_argument(
         "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
     )
@@ -77,14 +76,14 @@ def benchmark_synthesis(arguments: Sequence[str]) -> None:
         steps=options.steps,
         weights=options.weights,
     )
-    _report(options, metrics, format_table(metrics))
+    report_figures(options, metrics, format_table(metrics))
 
 
 def benchmark_photo(arguments: Sequence[str]) -> None:
     """Time how long it takes to decode a photo from its JPEG file and to measure it."""
     parser = make_parser("benchmark photo", benchmark_photo.__doc__)
     add_model_arguments(parser)
-    _add_scene_arguments(parser, size=(3000, 4000))
+    add_scene_arguments(parser, size=(3000, 4000))
     parser.add_argument("--repeats", type=positive_int, default=20, metavar="N", help="number of photos")
     options = parser.parse_args(arguments)
     load_tensorflow()
@@ -93,13 +92,13 @@ def benchmark_photo(arguments: Sequence[str]) -> None:
 
     estimator = load_estimator(**model_options(options))
     metrics = time_photos(estimator, seed=options.seed, size=options.size, repeats=options.repeats)
-    _report(options, metrics, format_table(metrics))
+    report_figures(options, metrics, format_table(metrics))
 
 
 def benchmark_start(arguments: Sequence[str]) -> None:
     """Time `predict` from the start of its process to the first area, and measure its memory."""
     parser = make_parser("benchmark start", benchmark_start.__doc__)
-    _add_photo_arguments(parser, use=", a process for each photo")
+    add_photo_arguments(parser, use=", a process for each photo")
     parser.add_argument(
         "--repeats", type=positive_int, default=5, metavar="N", help="processes for each photo"
     )
@@ -108,14 +107,14 @@ def benchmark_start(arguments: Sequence[str]) -> None:
     from laesi_tf.benchmarks import cold_start
 
     metrics = cold_start.time_starts(photos, repeats=options.repeats)
-    _report(options, metrics, cold_start.format_table(metrics))
+    report_figures(options, metrics, cold_start.format_table(metrics))
 
 
 def benchmark_sensitivity(arguments: Sequence[str]) -> None:
     """Halve and double each parameter of an estimator; show how its error, coverage and refusals change."""
     parser = make_parser("benchmark sensitivity", benchmark_sensitivity.__doc__)
     add_model_arguments(parser)
-    _add_scene_arguments(parser, size=(1200, 1600))
+    add_scene_arguments(parser, size=(1200, 1600))
     parser.add_argument(
         "--scenes", type=positive_int, default=40, metavar="N", help="scenes of different leaves to measure"
     )
@@ -145,13 +144,13 @@ def benchmark_sensitivity(arguments: Sequence[str]) -> None:
     base = sensitivity.measure_accuracy(estimator, labelled)
     results = list(sensitivity.measure_sensitivity(estimator, labelled, parameters))
     table = sensitivity.format_table(base, results, count=len(labelled))
-    _report(options, sensitivity.to_json(base, results), table)
+    report_figures(options, sensitivity.to_json(base, results), table)
 
 
 def benchmark_folder(arguments: Sequence[str]) -> None:
     """Measure a folder of many photos: speed and memory of 1 and 2 workers, and the result after kills."""
     parser = make_parser("benchmark folder", benchmark_folder.__doc__)
-    _add_photo_arguments(parser, use="; links to them are measured")
+    add_photo_arguments(parser, use="; links to them are measured")
     parser.add_argument(
         "--count", type=positive_int, default=300, metavar="N", help="photos in the folder that is measured"
     )
@@ -169,13 +168,13 @@ def benchmark_folder(arguments: Sequence[str]) -> None:
     metrics = folder_speed.time_folder(
         photos, count=options.count, workers=options.workers, kills=options.kills, seed=options.seed
     )
-    _report(options, metrics, folder_speed.format_table(metrics))
+    report_figures(options, metrics, folder_speed.format_table(metrics))
 
 
 def benchmark_fuzz(arguments: Sequence[str]) -> None:
     """Measure damaged and hostile files: no traceback, at most 10 s a file and 2 GB of memory."""
     parser = make_parser("benchmark fuzz", benchmark_fuzz.__doc__)
-    _add_photo_arguments(parser, use=", copies of which are damaged")
+    add_photo_arguments(parser, use=", copies of which are damaged")
     parser.add_argument("--files", type=positive_int, default=200, metavar="N", help="files to make")
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the damage")
     options = parser.parse_args(arguments)
@@ -183,7 +182,7 @@ def benchmark_fuzz(arguments: Sequence[str]) -> None:
     from laesi_tf.benchmarks import fuzzed_files
 
     metrics = fuzzed_files.fuzz_predict(photos, count=options.files, seed=options.seed)
-    _report(options, metrics, fuzzed_files.format_report(metrics))
+    report_figures(options, metrics, fuzzed_files.format_report(metrics))
     if not metrics["is_passed"]:
         raise SystemExit(1)
 
@@ -223,13 +222,13 @@ def benchmark_accuracy(arguments: Sequence[str]) -> None:
     write_text(paths["md"], f"{text}\n")
     write_figure(paths["png"], plot_speed_accuracy(by_set, fronts), dpi=130)
     written = ", ".join(map(str, paths.values()))
-    _report(options, {"rows": rows, **hardware}, f"{text}\nwritten: {written}")
+    report_figures(options, {"rows": rows, **hardware}, f"{text}\nwritten: {written}")
 
 
 def benchmark_filter(arguments: Sequence[str]) -> None:
     """Repaint leaves with faults of all kinds and severities; count what the consistency filter rejects."""
     parser = make_parser("benchmark filter", benchmark_filter.__doc__)
-    _add_scene_arguments(parser, size=(224, 224))
+    add_scene_arguments(parser, size=(224, 224))
     parser.add_argument(
         "--count", type=positive_int, default=200, metavar="N", help="images of each kind and severity"
     )
@@ -262,25 +261,27 @@ def benchmark_filter(arguments: Sequence[str]) -> None:
         textures=options.textures,
         textures_split=options.textures_split,
     )
-    _report(options, metrics, filter_faults.format_table(metrics))
+    report_figures(options, metrics, filter_faults.format_table(metrics))
 
 
-def _report(options: argparse.Namespace, metrics: Mapping[str, Any], text: str) -> None:
-    """Write the figures where --json says, and print them as `text`."""
-    if options.json is not None:
-        write_json(options.json, metrics)
-    print(text)
-
-
-def _add_photo_arguments(parser: argparse.ArgumentParser, *, use: str) -> None:
-    parser.add_argument("photos", nargs="+", metavar="PHOTO", help=f"photos or folders{use}")
-
-
-def _add_scene_arguments(parser: argparse.ArgumentParser, *, size: tuple[int, int]) -> None:
-    parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of the scenes")
+def benchmark_leaves(arguments: Sequence[str]) -> None:
+    """Count the leaves that are missed on photos of several: those of other photos are pasted beside each."""
+    parser = make_parser("benchmark leaves", benchmark_leaves.__doc__)
+    add_model_arguments(parser)
     parser.add_argument(
-        "--size", type=image_size, default=size, metavar="PX", help="SIDE or HEIGHTxWIDTH in pixels"
+        "--photos", type=Path, required=True, metavar="MANIFEST", help="photos of one leaf each, with masks"
     )
+    parser.add_argument("--split", metavar="NAME", help="split of the manifest")
+    parser.add_argument("--count", type=positive_int, default=100, metavar="N", help="photos to make")
+    parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of what is pasted where")
+    options = parser.parse_args(arguments)
+    photos = read_manifest(options.photos, split=options.split)
+    from laesi_tf.benchmarks import pasted_leaves
+    from laesi_tf.estimators.factory import load_estimator
+
+    estimator = load_estimator(**model_options(options))
+    metrics = pasted_leaves.measure_pasted_leaves(estimator, photos, count=options.count, seed=options.seed)
+    report_figures(options, metrics, pasted_leaves.format_table(metrics))
 
 
 BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
@@ -290,6 +291,7 @@ BENCHMARKS: dict[str, Callable[[Sequence[str]], None]] = {
     "sensitivity": benchmark_sensitivity,
     "folder": benchmark_folder,
     "fuzz": benchmark_fuzz,
+    "leaves": benchmark_leaves,
     "accuracy": benchmark_accuracy,
     "filter": benchmark_filter,
 }
