@@ -12,7 +12,7 @@ from laesi_tf.cli.benchmark_arguments import add_photo_arguments, add_scene_argu
 from laesi_tf.cli.comparison_arguments import add_method_arguments, add_photo_set_arguments
 from laesi_tf.cli.console import run_command
 from laesi_tf.cli.dataset_arguments import add_filter_arguments
-from laesi_tf.cli.model_arguments import add_model_arguments, model_options
+from laesi_tf.cli.model_arguments import add_model_arguments, load_tensorflow_if_needed, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_text
 from laesi_tf.common.hardware import describe_hardware, format_hardware
@@ -148,7 +148,7 @@ def benchmark_sensitivity(arguments: Sequence[str]) -> None:
 
 
 def benchmark_folder(arguments: Sequence[str]) -> None:
-    """Measure a folder of many photos: speed and memory of 1 and 2 workers, and the result after kills."""
+    """Measure a folder of many photos: speed and memory by the number of workers; the last run is killed."""
     parser = make_parser("benchmark folder", benchmark_folder.__doc__)
     add_photo_arguments(parser, use="; links to them are measured")
     parser.add_argument(
@@ -276,6 +276,7 @@ def benchmark_leaves(arguments: Sequence[str]) -> None:
     parser.add_argument("--seed", type=non_negative_int, default=0, help="seed of what is pasted where")
     options = parser.parse_args(arguments)
     photos = read_manifest(options.photos, split=options.split)
+    load_tensorflow_if_needed(options)
     from laesi_tf.benchmarks import pasted_leaves
     from laesi_tf.estimators.factory import load_estimator
 

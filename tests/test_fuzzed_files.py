@@ -15,6 +15,8 @@ from laesi_tf.data import decoding
 from laesi_tf.data.decoding import decode_photo
 from laesi_tf.data.file_resolution import read_dpi
 from laesi_tf.data.photo_pages import list_pages
+from laesi_tf.measuring.journal import Journal, JournalEntry
+from laesi_tf.reporting.leaf_records import LeafRecord
 
 SOURCES = ["progressive.jpg", "png.png", "two_pages.tif", "phone.heic", "webp.webp", "gif.gif", "avif.avif"]
 
@@ -53,7 +55,15 @@ def test_folders_of_links_and_counts_of_results(tmp_path: Path) -> None:
     ]
     counter = ResultCounter(tmp_path)
     assert counter.count() == 0
-    for lines, results in ((b"header\n", 0), (b"one\ntwo\n", 2), (b"thr", 2), (b"ee\n", 3)):
-        with (tmp_path / JOURNAL_FILE).open("ab") as file:
-            file.write(lines)
-        assert counter.count() == results
+    journal = Journal(tmp_path / JOURNAL_FILE)
+    journal.create({}, {"csv": "standard"})
+    assert counter.count() == 0
+    for number in (1, 2):
+        record = LeafRecord(photo=f"{number}.jpg")
+        journal.append(JournalEntry(key=record.photo, state=None, records=(record,)))
+        assert counter.count() == number
+    journal.keep_table({"csv": "excel"})
+    assert counter.count() == 2
+    with journal.path.open("ab") as file:
+        file.write(b'{"key": "cut o')
+    assert counter.count() == 2

@@ -1,6 +1,6 @@
 """Margins of leaves that have the colour of paper, on drawn sheets."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from laesi_tf.common.geometry import Polygon, trace_polygons
+from laesi_tf.common.geometry import trace_polygons
 from laesi_tf.estimators.hidden_margin import HiddenMarginParams, add_hidden_margin
 from laesi_tf.estimators.leaf_outline import HIDDEN_MARGIN, LeafOutline
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
@@ -50,15 +50,20 @@ def add_noise(image: np.ndarray) -> np.ndarray:
     return np.clip(np.round(noisy), 0, 255).astype(np.uint8)
 
 
-def outline_green(photo: PhotoPyramid) -> LeafOutline:
-    """The outline of the green part, as a network that does not know margins gives it."""
+def fill_ellipse(middle: tuple[int, int], axes: tuple[int, int]) -> np.ndarray:
     mask = np.zeros((SIDE, SIDE), np.uint8)
-    cv2.ellipse(mask, *LEAF, 25, 0, 360, 1, -1)
-    polygon = Polygon(trace_polygons(mask > 0)[0].outer)
+    return cv2.ellipse(mask, middle, axes, 25, 0, 360, 1, -1) > 0
+
+
+GREEN_PART = fill_ellipse(*LEAF)
+
+
+def outline_mask(photo: PhotoPyramid, mask: np.ndarray) -> LeafOutline:
+    """The outline of the green part, as a network that does not know margins gives it."""
     return LeafOutline(
         crop=photo.photo,
-        mask=mask > 0,
-        polygon=polygon,
+        mask=mask,
+        polygon=trace_polygons(mask)[0],
         area_sd_px=10.0,
         edge_sd_mm=0.02,
         is_cut_off=False,
@@ -66,9 +71,11 @@ def outline_green(photo: PhotoPyramid) -> LeafOutline:
     )
 
 
-def find_margin(image: np.ndarray, camera: SheetCamera) -> LeafOutline:
+def find_margin(
+    image: np.ndarray, camera: SheetCamera, mask: np.ndarray = GREEN_PART, others: Sequence[np.ndarray] = ()
+) -> LeafOutline:
     photo = PhotoPyramid(add_noise(image))
-    return add_hidden_margin(outline_green(photo), [], CORNERS, camera, photo, HiddenMarginParams())
+    return add_hidden_margin(outline_mask(photo, mask), others, CORNERS, camera, photo, HiddenMarginParams())
 
 
 @settings(max_examples=5, deadline=None)
@@ -98,6 +105,11 @@ def draw_shadow(image: np.ndarray) -> None:
 
 def draw_label(image: np.ndarray) -> None:
     image[330:420, 200:560] = PAPER
+
+
+def draw_ring(image: np.ndarray) -> None:
+    """The leaf was traced with a pen."""
+    cv2.ellipse(image, LEAF[0], (LEAF[1][0] + 9, LEAF[1][1] + 9), 25, 0, 360, (70, 70, 160), 7, cv2.LINE_AA)
 
 
 def draw_gloss(image: np.ndarray) -> None:
@@ -141,3 +153,61 @@ def test_print_is_seen_in_shadow_and_not_under_what_covers_it() -> None:
     assert np.median(seen.share[:, 430:]) == pytest.approx(1, abs=0.15)
     assert np.abs(seen.share[120:180, 120:180]).max() < 0.3
     assert seen.is_known.mean() > 0.95
+
+
+@pytest.mark.parametrize("gap", [6, 9, 10, 14])
+def test_bare_paper_between_lobes_is_no_margin(gap: int) -> None:
+    camera = make_camera(5.0, 0.2)
+    mask = np.zeros((SIDE, SIDE), np.uint8)
+    cv2.rectangle(mask, (200, 280), (400, 310), 1, -1)
+    for left in range(200, 400 - gap, 30 + gap):
+        cv2.rectangle(mask, (left, 180), (left + 30, 280), 1, -1)
+    image = draw_sheet(camera)
+    image[mask > 0] = GREEN
+    found = find_margin(image, camera, mask > 0)
+    assert not found.has_hidden_margin
+    assert found.area_px == pytest.approx(int(mask.sum()), rel=0.02)
+
+
+def test_holes_of_a_leaf_stay_beside_its_margin() -> None:
+    camera = make_camera(6.0, 0.2)
+    image, mask = draw_sheet(camera), GREEN_PART.copy()
+    paint(image, MARGIN, PAPER)
+    for top in range(260, 340, 16):
+        for left in range(220, 380, 16):
+            mask[top : top + 4, left : left + 4] = False
+    image[mask] = GREEN
+    before = len(outline_mask(PhotoPyramid(add_noise(image)), mask).polygon.holes)
+    found = find_margin(image, camera, mask)
+    assert found.has_hidden_margin
+    assert before == 50
+    assert len(found.polygon.holes) == before
+
+
+def test_a_small_leaf_has_a_margin_too() -> None:
+    camera = make_camera(6.0, 0.2)
+    image = draw_sheet(camera)
+    paint(image, ((300, 300), (50, 40)), PAPER)
+    paint(image, ((300, 300), (36, 26)), GREEN)
+    found = find_margin(image, camera, fill_ellipse((300, 300), (36, 26)))
+    assert found.has_hidden_margin
+    assert abs(found.area_px - np.pi * 50 * 40) < 2 * found.area_sd_px < 0.3 * found.area_px
+
+
+def test_another_leaf_is_no_margin() -> None:
+    camera = make_camera(6.0, 0.2)
+    image, other = draw_sheet(camera), fill_ellipse((330, 420), (150, 30))
+    image[other] = GREEN
+    paint(image, LEAF, GREEN)
+    found = find_margin(image, camera, others=[trace_polygons(other)[0].outer])
+    assert not found.has_hidden_margin
+
+
+@pytest.mark.parametrize("line_px", [250.0, 1500.0])
+def test_lines_far_apart_tell_nothing(line_px: float) -> None:
+    camera = make_camera(line_px, 0.2)
+    mask = fill_ellipse((300, 300), (12, 8))
+    image = np.full((SIDE, SIDE, 3), PAPER, np.float32)
+    image[mask] = GREEN
+    found = find_margin(image, camera, mask)
+    assert not found.has_hidden_margin and not found.is_touched

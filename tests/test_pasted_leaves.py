@@ -12,6 +12,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.common.geometry import trace_polygons
 from laesi_tf.data.manifest import Photo, read_manifest
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
+from laesi_tf.estimators.ruling_estimator import UNCOUNTED
 
 PAPER, GREEN = (230, 228, 222), (60, 120, 50)
 
@@ -68,12 +69,12 @@ def test_pasted_leaves_lie_apart_on_the_paper(photos: list[Photo]) -> None:
 
 def test_missed_leaves_are_counted(photos: list[Photo]) -> None:
     all_found = measure_pasted_leaves(GreenFinder(0), photos, count=6, seed=1)
-    assert (all_found["missed"], all_found["no_leaves"], all_found["refused"]) == (0, 0, 0)
+    assert (all_found["missed"], all_found["false_outlines"], all_found["refused"]) == (0, 0, 0)
     assert all_found["leaves"] > 8
     silent = measure_pasted_leaves(GreenFinder(1), photos, count=6, seed=1)
     assert silent["missed"] == silent["missed_without_a_note"] == 6
     assert silent["leaves"] == all_found["leaves"]
-    noted = measure_pasted_leaves(GreenFinder(1, "one is not counted"), photos, count=6, seed=1)
+    noted = measure_pasted_leaves(GreenFinder(1, UNCOUNTED.format(count=1)), photos, count=6, seed=1)
     assert (noted["missed"], noted["missed_without_a_note"]) == (6, 0)
 
 

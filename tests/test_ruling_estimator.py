@@ -174,7 +174,7 @@ def test_a_margin_of_the_papers_colour_is_part_of_the_leaf(ruling_estimator: Rul
     assert measured.leaves[0].note is not None and "margin" in measured.leaves[0].note
 
 
-def test_a_piece_of_a_larger_leaf_is_refused(ruling_estimator: RulingEstimator) -> None:
+def test_a_leaf_beside_much_more_of_a_leafs_colour_is_refused(ruling_estimator: RulingEstimator) -> None:
     image = draw_photo(View(600, 900, px_per_mm=6.0), MILLIMETRES).astype(np.uint8)
     cv2.circle(image, (200, 300), 35, LEAF, -1)
     turns = np.linspace(0, 2 * np.pi, 100)
@@ -182,5 +182,5 @@ def test_a_piece_of_a_larger_leaf_is_refused(ruling_estimator: RulingEstimator) 
     brown = np.round(np.stack([580 + across, 300 + down], 1)).astype(np.int32)
     cv2.fillPoly(image, [brown], (120, 80, 40))
     measured = ruling_estimator.measure(image)
-    assert measured.refusal == MOSTLY_UNCOUNTED
+    assert measured.refusal is not None and measured.refusal.startswith(MOSTLY_UNCOUNTED[:50])
     assert measured.area_cm2 is None

@@ -32,7 +32,7 @@ def draw_leaf(
 
 
 def count(sheet: np.ndarray, leaves: list[Points], outline: Points | None = None) -> int:
-    return find_uncounted(PhotoPyramid(sheet), leaves, outline, PARAMS).number
+    return find_uncounted(PhotoPyramid(sheet), leaves, [], outline, PARAMS).number
 
 
 @pytest.mark.parametrize("colour", [GREEN, BROWN, YELLOW])
@@ -74,7 +74,8 @@ def test_only_the_sheet_is_searched() -> None:
 def test_the_size_of_what_is_not_counted() -> None:
     sheet = draw_sheet()
     small = draw_leaf(sheet, (300, 400), (100, 80), GREEN)
-    draw_leaf(sheet, (800, 450), (200, 160), GREEN)
-    found = find_uncounted(PhotoPyramid(sheet), [small], None, PARAMS)
+    draw_leaf(sheet, (700, 450), (200, 160), GREEN)
+    beside = draw_leaf(sheet, (1050, 450), (100, 300), GREEN)
+    found = find_uncounted(PhotoPyramid(sheet), [small], [beside], None, PARAMS)
     assert found.number == 1
     assert found.relative_area == pytest.approx(4, rel=0.2)

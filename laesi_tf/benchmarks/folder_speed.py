@@ -62,7 +62,7 @@ def _describe_run(workers: int, parts: Sequence[PredictRun], count: int) -> dict
     seconds = sum(part.seconds for part in parts)
     return {
         "workers": workers,
-        "kills": len(parts) - 1,
+        "kills": sum(part.exit_status < 0 for part in parts),
         "photos_per_s": count / seconds,
         "minutes": seconds / 60,
         "cpu_s_per_photo": sum(part.cpu_s for part in parts) / count,
@@ -98,8 +98,9 @@ def format_table(metrics: Mapping[str, Any]) -> str:
                 f"{run['peak_mb']:.0f}",
             )
         )
-    same = "identical" if metrics["identical"] else "NOT identical"
-    lines.append(f"tables of all runs: {same}")
+    if len(metrics["runs"]) > 1:
+        same = "identical" if metrics["identical"] else "NOT identical"
+        lines.append(f"tables of all runs: {same}")
     if metrics["killed_after"]:
         lines.append(f"killed after {', '.join(map(str, metrics['killed_after']))} photos")
     machine = "{different_photos} different photos, {machine}, {cores} cores, LiteRT {litert}, {date}"

@@ -21,6 +21,7 @@ from laesi_tf.common.progress import progress_bar
 from laesi_tf.data.decoding import decode_mask, decode_photo
 from laesi_tf.data.manifest import Photo
 from laesi_tf.estimators.base import Estimator, LeafMeasurement, PhotoInfo
+from laesi_tf.estimators.ruling_estimator import UNCOUNTED
 
 _MOST_PASTED = 3
 _SIZES = (0.5, 1.25)
@@ -31,8 +32,8 @@ _PLACES = 40
 """Places that are tried for a leaf."""
 _MAX_TINT = 8.0
 """Paper differs so little in colour from what surrounds the photo's own leaf, CIELAB."""
-_NOT_COUNTED = "not counted"
-"""Notes that say that something was left out contain this."""
+_FALSE_OUTLINE = 0.1
+"""One that has less in common with each leaf shows none."""
 _SAME_LEAF = 0.5
 """Intersection over union from which an outline is that of a leaf."""
 
@@ -67,16 +68,16 @@ def measure_pasted_leaves(
         is_found = (overlaps > _SAME_LEAF).any(axis=1)
         found += int(is_found.sum())
         missed += int((~is_found).sum())
-        is_said = _NOT_COUNTED in (measurement.note or "")
+        is_said = UNCOUNTED.partition("{")[0] in (measurement.note or "")
         unsaid += 0 if is_said else int((~is_found).sum())
-        extra += int((overlaps.max(axis=0) < _SAME_LEAF / 5).sum())
+        extra += int((overlaps.max(axis=0) < _FALSE_OUTLINE).sum())
     return {
         "photos": count,
         "refused": refused,
         "leaves": found + missed,
         "missed": missed,
         "missed_without_a_note": unsaid,
-        "no_leaves": extra,
+        "false_outlines": extra,
         "seed": seed,
         **describe_hardware(),
     }
@@ -92,7 +93,8 @@ def paste_leaves(photos: Sequence[Photo], *, count: int, seed: int) -> Iterator[
         raise InputError("leaves are pasted from photos with masks; name a manifest with a column mask")
     for number in range(count):
         random = np.random.default_rng([seed, number])
-        base, *donors = random.choice(len(masked), 1 + random.integers(1, _MOST_PASTED + 1))
+        donor_count = min(int(random.integers(1, _MOST_PASTED + 1)), len(masked) - 1)
+        base, *donors = random.choice(len(masked), 1 + donor_count, replace=False)
         image, leaf = _load(masked[base])
         image, leaves = image.copy(), [leaf]
         length = max(cv2.boundingRect(leaf.astype(np.uint8))[2:])
@@ -116,7 +118,7 @@ def paint_leaf(leaf: LeafMeasurement, size: tuple[int, ...]) -> Mask:
 
 def format_table(metrics: Mapping[str, Any]) -> str:
     """Format the figures of `measure_pasted_leaves`."""
-    names = ("photos", "refused", "leaves", "missed", "missed_without_a_note", "no_leaves")
+    names = ("photos", "refused", "leaves", "missed", "missed_without_a_note", "false_outlines")
     rows = [format_row(name.replace("_", " "), str(metrics[name])) for name in names]
     machine = "seed {seed}, {machine}, {cores} cores, {date}".format_map(metrics)
     return "\n".join([*rows, machine])
@@ -177,9 +179,10 @@ def _paste(
 
 def _find_paper(image: RgbImage, leaf: Mask) -> Mask:
     """Return where `image` has the colour of what surrounds its own `leaf`, in light or shadow."""
-    smooth = cv2.blur(image, (15, 15)).astype(np.float32) / 255
+    unit = max(3, max(leaf.shape) // 50 | 1)
+    smooth = cv2.blur(image, (unit, unit)).astype(np.float32) / 255
     lab = cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB)
-    far, near = (cv2.dilate(leaf.astype(np.uint8), np.ones((side, side), np.uint8)) for side in (61, 31))
+    far, near = (cv2.dilate(leaf.astype(np.uint8), np.ones([n * unit] * 2, np.uint8)) for n in (4, 2))
     sheet = np.median(lab[(far > 0) & (near == 0)], axis=0)
     tint = np.linalg.norm(lab[..., 1:] - sheet[1:], axis=2)
     paper: Mask = (tint < _MAX_TINT) & (lab[..., 0] > sheet[0] / 2)

@@ -39,7 +39,7 @@ class ResultCounter:
     def __init__(self, out: Path) -> None:
         """Take a folder, which need not exist yet."""
         self._path = out / JOURNAL_FILE
-        self._offset = self._lines = 0
+        self._offset = self._results = 0
 
     def count(self) -> int:
         """Return the number of results by now."""
@@ -49,9 +49,11 @@ class ResultCounter:
                 new = file.read()
         except OSError:
             return 0
-        self._offset += len(new)
-        self._lines += new.count(b"\n")
-        return max(0, self._lines - 1)
+        complete = new[: new.rfind(b"\n") + 1]
+        self._offset += len(complete)
+        # Other lines say what the journal is, and how its tables are written.
+        self._results += sum(line.startswith(b'{"key"') for line in complete.splitlines())
+        return self._results
 
 
 def run_predict(

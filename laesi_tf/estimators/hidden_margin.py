@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from laesi_tf.common.arrays import FloatMap, Mask, Points
+from laesi_tf.common.arrays import Mask, Points, RgbImage
 from laesi_tf.common.geometry import Polygon, trace_polygons
 from laesi_tf.estimators.colour_model import distance_inside, make_disc
 from laesi_tf.estimators.leaf_outline import LeafOutline, paint_masks
@@ -22,8 +22,12 @@ from laesi_tf.estimators.print_visibility import (
 )
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
 
-_TOUCHING_PX = 4
-"""What is so near to a leaf touches it."""
+_TOUCHING_PX = 3
+"""Things at most so far from a leaf touch it."""
+_MARGIN_LINES = 4
+"""A margin may always be so many finest lines wide, on narrow leaves, too."""
+_LEAST_LINES = 8
+"""Paper of at least so many finest lines around a leaf is compared."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +36,7 @@ class HiddenMarginParams:
 
     visibility: PrintVisibilityParams = field(default_factory=PrintVisibilityParams)
     room: float = parameter(0.3, unit="share of the leaf's longer side", set_on=SET_ON)
-    """So far around the leaf the paper is compared."""
+    """The paper around the leaf is compared up to this distance."""
     side_px: int = parameter(640, unit="pixels", set_on=SET_ON)
     """Longer side of that crop at most."""
     line_px: float = parameter(5.0, unit="pixels per finest line", set_on=SET_ON)
@@ -43,8 +47,8 @@ class HiddenMarginParams:
     """A margin is at least so wide: blur hides the print beside any leaf."""
     greatest_width: float = parameter(0.35, unit="share of the leaf's width", set_on=SET_ON)
     """A margin is at most so wide; labels and fingers reach farther."""
-    least_energy: float = parameter(0.6, unit="mean of the bare paper", set_on=SET_ON)
-    """So much print there would be to see: little between the heavier lines, where shadows hide it."""
+    least_energy: float = parameter(0.35, unit="mean of the bare paper", set_on=SET_ON)
+    """A margin hides at least so much print: between heavier lines there is little, which shadows hide."""
     least_contact: float = parameter(0.08, unit="share of the leaf's outline", set_on=SET_ON)
     """Each part of a margin runs at least so far along the leaf, as gloss and folds do not."""
     least_total_contact: float = parameter(0.25, unit="share of the leaf's outline", set_on=SET_ON)
@@ -52,7 +56,11 @@ class HiddenMarginParams:
     least_area: float = parameter(0.02, unit="share of the leaf", set_on=SET_ON)
     """A margin has at least so much of the leaf's area."""
     least_thing: float = parameter(0.1, unit="share of the leaf", set_on=SET_ON)
-    """Something else that hides the print beside a leaf is said if it has so much of the leaf's area."""
+    """Other things that hide the print beside a leaf are noted from this area on."""
+    max_tint: float = parameter(30.0, unit="CIELAB", set_on=SET_ON)
+    """A margin that has the paper's colour differs from it by at most so much in hue and saturation."""
+    max_shade: float = parameter(0.4, unit="ln of lightness", set_on=SET_ON)
+    """The same in lightness: strokes of a pen are darker."""
     least_visible: float = parameter(0.9, unit="share of the paper around", set_on=SET_ON)
     """Nothing is added where the print is not seen on so much of the bare paper."""
     edge_sd: float = parameter(
@@ -82,16 +90,18 @@ def add_hidden_margin(
     visibility = measure_visibility(crop, camera, camera.pitch_mm, hidden, params.visibility)
     if visibility is None:
         return outline
-    ruled = distance_inside(crop.paint([sheet]) > 0) > visibility.px_per_line
+    line = visibility.px_per_line
+    ruled = distance_inside(crop.paint([sheet]) > 0) > line
     covered = _find_covered(visibility, own, hidden, ruled, params)
-    bare = ruled & visibility.is_known & (distance_inside(~(own | covered)) > 2 * visibility.px_per_line)
+    bare = ruled & visibility.is_known & (distance_inside(~(own | covered)) > 2 * line)
     if not bare.any() or (visibility.share[bare] > params.hidden_below).mean() < params.least_visible:
         return outline
-    margin, thing = _choose_margin(covered, own, other, visibility.energy, params)
+    paper_like = _find_paper_colour(crop.image, bare, params)
+    margin, thing = _choose_margin(covered, own, other, visibility, paper_like, params)
     leaf_px = np.count_nonzero(own)
     if np.count_nonzero(margin) >= params.least_area * leaf_px:
         margin |= _grow(margin, 2) & hidden & ~own & ~other
-        return _join(outline, margin, crop, pyramid, params.edge_sd * visibility.px_per_line)
+        return _join(outline, margin, crop, pyramid, params.edge_sd * line)
     is_beside_thing = bool(np.count_nonzero(thing) >= params.least_thing * leaf_px)
     return dataclasses.replace(outline, is_touched=outline.is_touched or is_beside_thing)
 
@@ -100,11 +110,12 @@ def _crop_around(
     leaf: Points, camera: SheetCamera, pyramid: PhotoPyramid, params: HiddenMarginParams
 ) -> Crop:
     low, high = leaf.min(axis=0), leaf.max(axis=0)
-    room = params.room * (high - low).max()
+    line = camera.px_per_mm((low + high) / 2) * camera.pitch_mm
+    room = max(params.room * (high - low).max(), _LEAST_LINES * line)
     side = params.side_px
     crop = pyramid.crop_around(np.stack([low - room, high + room]), min_side=side, max_side=side)
-    line_px = camera.px_per_mm((low + high) / 2) * camera.pitch_mm / float(crop.pixel_size.mean())
-    return shrink(crop, round(max(crop.size) * min(1.0, params.line_px / line_px)))
+    line_px = line / float(crop.pixel_size.mean())
+    return shrink(crop, max(1, int(max(crop.size) * min(1.0, params.line_px / line_px))))
 
 
 def _find_covered(
@@ -114,29 +125,53 @@ def _find_covered(
     covered = visibility.is_known & (visibility.share < params.hidden_below)
     radius = params.least_width * visibility.px_per_line / 2
     disc, wide = make_disc(radius), make_disc(2 * radius)
-    closed = cv2.morphologyEx((covered | own).astype(np.uint8), cv2.MORPH_CLOSE, wide) > 0
+    closed = _close(covered | own, wide)
+    # Bays between the leaf's own lobes are not closed.
+    closed &= covered | ~_close(own, wide)
     closed &= ~hidden & ruled
     return cv2.morphologyEx(closed.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
 
 
+def _find_paper_colour(image: RgbImage, bare: Mask, params: HiddenMarginParams) -> Mask:
+    """Return where `image`, uint8 [h, w, 3], has about the colour of its `bare` paper, bool [h, w]."""
+    lab = cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    paper = np.median(lab[bare], axis=0)
+    tint = np.hypot(lab[..., 1] - paper[1], lab[..., 2] - paper[2])
+    shade = np.abs(np.log(np.maximum(lab[..., 0], 1) / max(float(paper[0]), 1)))
+    alike: Mask = (tint < params.max_tint) & (shade < params.max_shade)
+    return alike
+
+
 def _choose_margin(
-    covered: Mask, own: Mask, other: Mask, energy: FloatMap, params: HiddenMarginParams
+    covered: Mask,
+    own: Mask,
+    other: Mask,
+    visibility: PrintVisibility,
+    paper_like: Mask,
+    params: HiddenMarginParams,
 ) -> tuple[Mask, Mask]:
     """Return the parts of `covered`, bool [h, w], that lie along the leaf like a margin, and other things
     that touch it.
 
-    `own` is the leaf, and `other` are other leaves. There is no margin unless some parts surely are one.
+    `own` is the leaf, `other` are other leaves, `paper_like` has the paper's colour. There is no margin
+    unless some of its parts are long enough to be sure.
     """
     count, labels = cv2.connectedComponents(covered.astype(np.uint8))
     _, sides, _ = cv2.minAreaRect(cv2.findNonZero(own.astype(np.uint8)))
-    limit = distance_inside(~own) > params.greatest_width * float(np.min(sides))
+    greatest_px = max(params.greatest_width * float(np.min(sides)), _MARGIN_LINES * visibility.px_per_line)
+    limit = distance_inside(~own) > greatest_px
     limit |= _grow(other, _TOUCHING_PX)
     limit[[0, -1]] = True
     limit[:, [0, -1]] = True
     may_be_margin = np.bincount(labels[limit], minlength=count) == 0
     may_be_margin[0] = False
     sizes = np.maximum(np.bincount(labels.ravel(), minlength=count), 1)
-    is_sure = np.bincount(labels.ravel(), energy.ravel(), count) / sizes > params.least_energy
+    energy, alike = (
+        np.bincount(labels.ravel(), values.ravel(), count) / sizes
+        for values in (visibility.energy, paper_like)
+    )
+    may_be_margin &= alike > 0.5
+    is_sure = energy > params.least_energy
     ring = _grow(own, 1) & ~own
     # Where two parts touch the same pixel, one of them counts.
     touching = cv2.dilate(labels.astype(np.float32), _square(_TOUCHING_PX))[ring].astype(int)
@@ -155,9 +190,11 @@ def _join(
     box = np.stack([np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))])
     side = max(outline.mask.shape)
     target = pyramid.crop_around(box, min_side=side, max_side=2 * side)
-    mask = paint_masks([outline.placed_mask, (crop, margin)], target)
-    # The margin's pixels are coarser than the leaf's.
-    mask = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, make_disc(2.0)) > 0
+    leaf, added = (paint_masks([placed], target) for placed in (outline.placed_mask, (crop, margin)))
+    # Where both meet, one of them has coarser pixels.
+    mask = leaf | (_close(leaf | added, make_disc(2.0)) & _grow(added, 4))
+    _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    mask &= labels == np.bincount(labels[leaf]).argmax()
     outer, *holes = (target.to_photo(ring) for ring in trace_polygons(mask)[0].rings)
     contours, _ = cv2.findContours(margin.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     # Half of a margin's outline is its edge; the other half is the leaf's.
@@ -171,6 +208,10 @@ def _join(
         area_sd_px=float(np.hypot(outline.area_sd_px, area_sd)),
         has_hidden_margin=True,
     )
+
+
+def _close(mask: Mask, shape: NDArray[np.uint8]) -> Mask:
+    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, shape) > 0
 
 
 def _grow(mask: Mask, pixels: int) -> Mask:

@@ -44,8 +44,8 @@ class LeafColourParams:
     """Hues of leaves that are green, which coins never are."""
     min_green: float = parameter(12.0, unit="CIELAB", set_on=_SET_ON)
     """Least saturation of what is green."""
-    sampled_side_px: int = parameter(128, unit="pixels")
-    """Of a crop, about so many rows and columns are looked at for the colour of a thing."""
+    sampled_side_px: int = parameter(128, unit="pixels", set_on="what a median needs, 2026-11-30")
+    """The colour of a thing is measured on at least so many rows and columns of a crop."""
     max_grey: float = parameter(6.0, unit="levels of 255", set_on="JPEG files of grey scans")
     """Red, green and blue differ at most so much on a photo without colours."""
     min_area_px: float = parameter(40.0, unit="pixels", set_on=_SET_ON)
@@ -127,21 +127,22 @@ class ThingColour:
 
 def measure_colour(image: RgbImage, thing: Mask, params: LeafColourParams) -> ThingColour:
     """Measure the colour of `thing`, bool [h, w], on a crop, uint8 [h, w, 3], elsewhere mostly sheet."""
-    # A median needs few pixels.
+    # A median needs few pixels; those of a thing may be few already.
     grid = (slice(None, None, max(1, max(thing.shape) // params.sampled_side_px)),) * 2
-    image, thing = image[grid], thing[grid]
-    is_known = bool(thing.any() and np.percentile(_measure_range(image), 99.9) > params.max_grey)
-    if not is_known:
+    within = image[thing]
+    within = within[:: max(1, len(within) // params.sampled_side_px**2)]
+    around = image[grid][~thing[grid]] if not thing[grid].all() else within
+    ranges = _measure_range(np.concatenate([within, around]))
+    if not len(within) or np.percentile(ranges, 99.9) <= params.max_grey:
         return ThingColour(np.zeros(3, np.float32), is_known=False)
-    around = ~thing if not thing.all() else thing
-    within, sheet = np.median(image[thing], axis=0), np.median(image[around], axis=0)
+    within, sheet = np.median(within, axis=0), np.median(around, axis=0)
     return ThingColour(_to_relative_lab(within.reshape(1, 1, 3), sheet)[0, 0], is_known=True)
 
 
-def _measure_range(image: RgbImage) -> NDArray[np.uint8]:
-    """Return the largest minus the least channel of `image`, uint8 [h, w, 3]: uint8 [h, w]."""
-    red, green, blue = cv2.split(np.ascontiguousarray(image))
-    return cv2.max(cv2.max(red, green), blue) - cv2.min(cv2.min(red, green), blue)
+def _measure_range(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the largest less the least channel of `colours`, uint8 [n, 3]: uint8 [n]."""
+    red, green, blue = colours.T
+    return np.maximum(np.maximum(red, green), blue) - np.minimum(np.minimum(red, green), blue)
 
 
 def _to_relative_lab(image: NDArray[Any], sheet: NDArray[Any]) -> FloatMap:

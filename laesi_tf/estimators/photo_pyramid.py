@@ -47,7 +47,9 @@ class Crop:
     def paint(self, outlines: Iterable[Points]) -> NDArray[np.uint8]:
         """Return 1 within `outlines`, each [n, 2] in photo pixels, else 0: uint8 [h, w]."""
         painted = np.zeros(self.size, np.uint8)
-        cv2.fillPoly(painted, [to_cv2_points(self.from_photo(outline)) for outline in outlines], 1)
+        # One by one: of outlines painted together, the overlap stays empty.
+        for outline in outlines:
+            cv2.fillPoly(painted, [to_cv2_points(self.from_photo(outline))], 1)
         return painted
 
 

@@ -26,9 +26,9 @@ _GRID_PX = 8
 _DARKEST_LEVEL, _BRIGHTEST_LEVEL = 8, 251
 """Pixels beyond these tell nothing."""
 _LOG_LEVELS = np.log(np.maximum(np.arange(256), _DARKEST_LEVEL)).astype(np.float32)
-_REPEAT = 10
-"""After so many finest lines the print repeats itself."""
-_BINS = 160
+_REPEAT = 20
+"""After so many finest lines the print repeats itself, be its fourth, fifth or tenth line heavier."""
+_BINS = 320
 """Phases of that repeat that are told apart."""
 
 
@@ -42,8 +42,12 @@ class PrintVisibilityParams:
     """Side of the window whose mean is what the paper would be without print."""
     window: float = parameter(0.8, unit="finest lines", set_on=SET_ON)
     """Standard deviation of the Gaussian window in which print is compared."""
-    clip: float = parameter(0.5, unit="ln of brightness", set_on="dark lines on paper")
-    """What differs more from its paper is not print."""
+    max_contrast: float = parameter(0.5, unit="ln of brightness", set_on="dark lines on paper")
+    """Pixels that differ more from the paper around them are not print: pens, desks, other things."""
+    apart: float = parameter(3.0, unit="finest lines", set_on=SET_ON)
+    """The print is sampled at this distance from leaves, and farther away."""
+    least_pixels: float = parameter(10.0, unit="pixels per phase", set_on=SET_ON)
+    """With fewer bare pixels nothing is compared."""
     max_error: float = parameter(0.25, unit="share of the print's contrast", set_on=SET_ON)
     """Standard error up to which a comparison tells something."""
 
@@ -72,18 +76,26 @@ def measure_visibility(
     """
     lines = _map_lines(crop, sheet_map, pitch_mm)
     px_per_line = _measure_period(lines)
-    if px_per_line < params.least_px:
+    # False for a map that is not finite here, too.
+    if not params.least_px <= px_per_line <= max(crop.size) / params.background:
         return None
-    is_exposed = crop.image.max(axis=2) <= _BRIGHTEST_LEVEL
-    weight = (~hidden).astype(np.float32)
-    levels = _LOG_LEVELS[crop.image]
-    ink = levels @ _find_ink(levels, hidden, max(1, round(px_per_line / 2)))
+    is_exposed = (crop.image.max(axis=2) <= _BRIGHTEST_LEVEL) & (crop.image.max(axis=2) >= _DARKEST_LEVEL)
+    logs = _LOG_LEVELS[crop.image]
+    ink = logs @ _find_ink(logs, hidden, max(1, round(px_per_line / 2)))
     side = round(params.background * px_per_line) | 1
-    contrast = ink - cv2.blur(ink * weight, (side, side)) / np.maximum(cv2.blur(weight, (side, side)), 1e-3)
-    usable = ~hidden & is_exposed & (np.abs(contrast) < params.clip)
-    if np.count_nonzero(usable) < _BINS**2 / 4:
+    contrast = _subtract_mean(ink, ~hidden, side)
+    # A dark stroke spoils its surroundings: their mean is taken again without it.
+    is_print = (np.abs(contrast) < params.max_contrast) & is_exposed
+    strokes = cv2.dilate((~is_print & ~hidden).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    usable = ~hidden & ~strokes
+    # What lies beside a leaf may hide the print, and is no sample of it.
+    apart = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, 3) > params.apart * px_per_line
+    samples = usable & apart
+    if np.count_nonzero(samples) < params.least_pixels * _BINS:
         return None
-    expected = _average_print(contrast, lines, usable)
+    contrast = _subtract_mean(ink, usable, side)
+    weight = usable.astype(np.float32)
+    expected = _average_print(contrast, lines, samples)
     sigma = params.window * px_per_line
     seen = cv2.GaussianBlur(weight, (0, 0), sigma) + 1e-6
 
@@ -94,13 +106,13 @@ def measure_visibility(
     mean_expected = average(expected)
     likeness = average(contrast * expected) - average(contrast) * mean_expected
     energy = np.maximum(average(expected**2) - mean_expected**2, 1e-9)
-    noise = 1.48 * np.median(np.abs(contrast - expected)[usable])
+    noise = 1.48 * np.median(np.abs(contrast - expected)[samples])
     # The sum of a Gaussian window's squares is one over its effective number of pixels.
     error = noise / np.sqrt(energy * 4 * np.pi * sigma**2 * seen)
     return PrintVisibility(
         share=likeness / energy,
         is_known=(error < params.max_error) & is_exposed & ~hidden,
-        energy=energy / float(energy[usable].mean()),
+        energy=energy / float(energy[samples].mean()),
         px_per_line=px_per_line,
     )
 
@@ -126,11 +138,18 @@ def _measure_period(lines: NDArray[np.float32]) -> float:
     return float(1 / np.sqrt(max(abs(np.linalg.det(gradients)), 1e-12)))
 
 
-def _find_ink(levels: NDArray[np.float32], hidden: Mask, shift: int) -> NDArray[np.float32]:
-    """Return the weights [3] of red, green and blue in which `levels` [h, w, 3] differ most `shift` pixels
+def _subtract_mean(ink: FloatMap, counted: Mask, side: int) -> FloatMap:
+    """Return `ink` [h, w] less its mean over the `counted` pixels, bool [h, w], of a window."""
+    weight = counted.astype(np.float32)
+    mean = cv2.blur(ink * weight, (side, side)) / np.maximum(cv2.blur(weight, (side, side)), 1e-3)
+    return ink - mean
+
+
+def _find_ink(logs: NDArray[np.float32], hidden: Mask, shift: int) -> NDArray[np.float32]:
+    """Return the weights [3] of red, green and blue in which `logs` [h, w, 3] differ most `shift` pixels
     apart: on bare paper, between print and paper."""
     bare = ~(hidden[::2, shift:] | hidden[::2, :-shift])
-    differences = (levels[::2, shift:] - levels[::2, :-shift])[bare]
+    differences = (logs[::2, shift:] - logs[::2, :-shift])[bare]
     _, vectors = np.linalg.eigh(differences.T @ differences)
     weights: NDArray[np.float32] = vectors[:, -1] * np.sign(vectors[:, -1].sum())
     return weights / max(float(weights.sum()), 0.5)

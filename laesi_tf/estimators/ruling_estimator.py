@@ -38,8 +38,8 @@ ROUGH_ESTIMATE = "rough estimate of a network, because {reason}"
 NO_GUESS = "the area model has no scale to guess several leaves with"
 OFF_SHEET = "possible leaves beside the ruled sheet, not counted: {count}"
 MOSTLY_UNCOUNTED = (
-    "things on the sheet that have a leaf's colour are much larger than what was outlined: look whether that "
-    "is the leaf, and take other things away"
+    "things on the sheet that have a leaf's colour are {times:.1f} times as large as what was outlined: look "
+    "whether that is the whole leaf, and take other things away"
 )
 UNCOUNTED = "things on the sheet that have a leaf's colour, not counted: {count}"
 NO_LEAF_ON_SHEET = "no leaf found on the lines that were read; lay one whole leaf on the ruled sheet"
@@ -124,18 +124,18 @@ class RulingEstimator:
         off_sheet = [outline for outline in outlines if outline not in on_sheet]
         on_sheet = self._add_margins(on_sheet, off_sheet, sheet, pyramid)
         mask = paint_masks((outline.placed_mask for outline in on_sheet), pyramid.photo)
-        contours = [outline.polygon.outer for outline in on_sheet + off_sheet]
-        uncounted = find_uncounted(pyramid, contours, sheet.outline, self.params.mask)
+        counted, others = ([outline.polygon.outer for outline in part] for part in (on_sheet, off_sheet))
+        uncounted = find_uncounted(pyramid, counted, others, sheet.outline, self.params.mask)
         refusal = None
         if not on_sheet:
             refusal = NO_LEAF_ON_SHEET if outlines else NO_LEAF
         elif uncounted.relative_area > self.params.most_uncounted:
-            refusal = MOSTLY_UNCOUNTED
+            refusal = MOSTLY_UNCOUNTED.format(times=uncounted.relative_area)
         tilt_deg = sheet.camera.tilt_deg()
         if refusal is not None:
             return Measurement(
                 method=METHOD,
-                leaves=tuple(outline.without_scale() for outline in outlines),
+                leaves=tuple(outline.without_scale() for outline in on_sheet or off_sheet),
                 mask=mask,
                 camera=sheet.camera,
                 tilt_deg=tilt_deg,

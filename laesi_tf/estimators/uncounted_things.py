@@ -25,14 +25,19 @@ class UncountedThings(NamedTuple):
 
 
 def find_uncounted(
-    pyramid: PhotoPyramid, leaves: Sequence[Points], sheet: Points | None, params: MaskEstimatorParams
+    pyramid: PhotoPyramid,
+    counted: Sequence[Points],
+    others: Sequence[Points],
+    sheet: Points | None,
+    params: MaskEstimatorParams,
 ) -> UncountedThings:
-    """Find the things on the sheet that look like leaves and are none of `leaves`.
+    """Find the things on the sheet that look like leaves and are none of those that were found.
 
-    `leaves` are outlines [n, 2] and `sheet` is the convex outline [n, 2] of the sheet or None, in photo
-    pixels. `params` tell the colour of leaves, and the shapes of notes, pens and coins.
+    `counted` are the outlines [n, 2] of leaves on the sheet, `others` those beside it, and `sheet` is the
+    convex outline [n, 2] of the sheet or None, in photo pixels. `params` tell the colour of leaves, and the
+    shapes of notes, pens and coins.
     """
-    colour = find_leaf_colour(pyramid, leaves, params.detector.colour)
+    colour = find_leaf_colour(pyramid, [*counted, *others], params.detector.colour)
     on_sheet = None
     if sheet is not None:
         painted = np.zeros(colour.crop.size, np.uint8)
@@ -42,8 +47,8 @@ def find_uncounted(
     things = colour.find_things(on_sheet)
     left_out = [thing for thing in things if not _has_made_shape(thing, params.outline)]
     area = sum(int(np.count_nonzero(thing)) for thing in left_out)
-    counted = np.count_nonzero(colour.crop.paint(leaves))
-    return UncountedThings(len(left_out), area / max(int(counted), 1))
+    counted_px = int(np.count_nonzero(colour.crop.paint(counted)))
+    return UncountedThings(len(left_out), area / max(counted_px, 1))
 
 
 def _has_made_shape(thing: Mask, shapes: LeafOutlineParams) -> bool:

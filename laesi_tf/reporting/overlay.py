@@ -35,7 +35,7 @@ def resize(image: RgbImage, side: int) -> RgbImage:
     scale = side / max(image.shape[:2])
     height, width = (max(1, round(length * scale)) for length in image.shape[:2])
     interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    # Of a photo of many pixels, a thumbnail's pixel needs no more than sixteen.
+    # A thumbnail of a large photo is averaged over sixteen to 64 of its pixels each.
     skipped = max(1, int(1 / (4 * scale)))
     image = image[::skipped, ::skipped]
     return cv2.resize(image, (width, height), interpolation=interpolation)

@@ -24,6 +24,8 @@ _HALVES = np.array([5, 15], np.float32) / 10
 _QUARTERS = np.array([1, 3, 5], np.float32) / 4
 _SIXTHS = np.array([1, 2, 4, 5, 7], np.float32) / 6
 _FITTED = np.array([10], np.float32) / 10
+_HIGHEST = len(_TENTHS) + len(_FIFTHS) - 1
+"""Place of the wave at 12 tenths among all of them."""
 
 
 class CoherentSum(NamedTuple):
@@ -69,7 +71,8 @@ class HeavierLines(NamedTuple):
     factors: tf.Tensor
     """[2], by which the families' own finest lines are finer than the fitted: 1, 5/4 or 5/6, or HALF."""
     are_finest: tf.Tensor
-    """bool scalar, the fitted lines are printed: they are no mere harmonic of heavier ones."""
+    """bool scalar, the fitted lines are printed: they are no harmonic of heavier ones, and do not lie half as
+    far apart as printed ones."""
 
     @property
     def surest(self) -> tf.Tensor:
@@ -193,7 +196,7 @@ def find_heavier(windows: Windows, predicted: tf.Tensor, *, params: LevelParams)
     tenth = there[0]
     factors = tf.where(tenth & there[3], HALF, factors)
     row = _Harmonics(tf.math.log(tf.maximum(sums.amplitude, sums.error)))
-    is_printed = (row.measure_excess() > params.own_excess) | ~tf.reduce_all(sums.reachable[:, 8])
+    is_printed = (row.measure_excess() > params.own_excess) | ~tf.reduce_all(sums.reachable[:, _HIGHEST])
     return HeavierLines(
         second=there[2] & ~tenth & ~there[1] & ~there[3],
         fourth=there[3] & ~there[1] & ~tenth,
