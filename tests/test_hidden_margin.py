@@ -191,7 +191,7 @@ def test_a_small_leaf_has_a_margin_too() -> None:
     paint(image, ((300, 300), (36, 26)), GREEN)
     found = find_margin(image, camera, fill_ellipse((300, 300), (36, 26)))
     assert found.has_hidden_margin
-    assert abs(found.area_px - np.pi * 50 * 40) < 2 * found.area_sd_px < 0.3 * found.area_px
+    assert abs(found.area_px - np.pi * 50 * 40) < 2.5 * found.area_sd_px < 0.3 * found.area_px
 
 
 def test_another_leaf_is_no_margin() -> None:

@@ -196,7 +196,7 @@ def _join(
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
     mask &= labels == np.bincount(labels[leaf]).argmax()
     outer, *holes = (target.to_photo(ring) for ring in trace_polygons(mask)[0].rings)
-    contours, _ = cv2.findContours(margin.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    contours, _ = cv2.findContours(margin.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     # Half of a margin's outline is its edge; the other half is the leaf's.
     edge = sum(cv2.arcLength(contour, True) for contour in contours) / 2
     area_sd = edge_sd * edge * float(crop.pixel_size.prod())
