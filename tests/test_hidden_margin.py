@@ -28,12 +28,17 @@ def make_camera(line_px: float, turn: float) -> SheetCamera:
     return SheetCamera(parameters, np.zeros((14, 14)), (SIDE, SIDE))
 
 
-def draw_sheet(camera: SheetCamera, *, strength: float = 0.3) -> np.ndarray:
-    """Paper with lines every 1, 5 and 10 mm, float32 [SIDE, SIDE, 3]."""
+MILLIMETRES = {1: 0.5, 5: 0.8, 10: 1.0}
+
+
+def draw_sheet(
+    camera: SheetCamera, *, strength: float = 0.3, levels: dict[int, float] = MILLIMETRES
+) -> np.ndarray:
+    """Paper with lines at multiples of each of `levels`, with its weight: float32 [SIDE, SIDE, 3]."""
     places = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
     lines = camera.to_sheet(np.stack(places, -1))
     ink = np.zeros((SIDE, SIDE))
-    for pitch, weight in ((1, 0.5), (5, 0.8), (10, 1.0)):
+    for pitch, weight in levels.items():
         distance = np.abs(lines - pitch * np.round(lines / pitch)).min(axis=2)
         ink = np.maximum(ink, weight * np.exp(-((distance / 0.12) ** 2)))
     return (PAPER - strength * ink[..., None] * np.array([40.0, 200, 200])).astype(np.float32)
@@ -211,3 +216,12 @@ def test_lines_far_apart_tell_nothing(line_px: float) -> None:
     image[mask] = GREEN
     found = find_margin(image, camera, mask)
     assert not found.has_hidden_margin and not found.is_touched
+
+
+def test_bare_paper_with_heavier_fourths_is_seen() -> None:
+    camera = make_camera(5.0, 0.3)
+    photo = PhotoPyramid(add_noise(draw_sheet(camera, levels={1: 0.5, 4: 1.0})))
+    hidden = np.zeros((SIDE, SIDE), bool)
+    seen = measure_visibility(photo.photo, camera, 1.0, hidden, PrintVisibilityParams())
+    assert seen is not None
+    assert (seen.share > 0.5).mean() > 0.97

@@ -18,7 +18,7 @@ from laesi_tf.estimators.photo_pyramid import Crop
 from laesi_tf.estimators.sheet_map import SheetMap
 
 SET_ON = (
-    "rendered (split develop), semi-real (val), cases and 160 phone scenes (1,024 px, seed 78), 2026-11-30"
+    "rendered (split develop), semi-real (val), cases and phone scenes (1,024 px, seeds 78, 79), 2026-11-30"
 )
 """What the parameters of print that is hidden were set on."""
 _GRID_PX = 8
@@ -26,9 +26,10 @@ _GRID_PX = 8
 _DARKEST_LEVEL, _BRIGHTEST_LEVEL = 8, 251
 """Pixels beyond these tell nothing."""
 _LOG_LEVELS = np.log(np.maximum(np.arange(256), _DARKEST_LEVEL)).astype(np.float32)
-_REPEAT = 20
-"""After so many finest lines the print repeats itself, be its fourth, fifth or tenth line heavier."""
-_BINS = 320
+_REPEAT = 10
+"""After so many finest lines the print repeats itself. Heavier fourths are averaged with other lines; their
+paper is seen nevertheless."""
+_BINS = 160
 """Phases of that repeat that are told apart."""
 
 
@@ -44,9 +45,9 @@ class PrintVisibilityParams:
     """Standard deviation of the Gaussian window in which print is compared."""
     max_contrast: float = parameter(0.5, unit="ln of brightness", set_on="dark lines on paper")
     """Pixels that differ more from the paper around them are not print: pens, desks, other things."""
-    apart: float = parameter(3.0, unit="finest lines", set_on=SET_ON)
+    apart: float = parameter(2.0, unit="finest lines", set_on=SET_ON)
     """The print is sampled at this distance from leaves, and farther away."""
-    least_pixels: float = parameter(10.0, unit="pixels per phase", set_on=SET_ON)
+    least_pixels: float = parameter(20.0, unit="pixels per phase", set_on=SET_ON)
     """With fewer bare pixels nothing is compared."""
     max_error: float = parameter(0.25, unit="share of the print's contrast", set_on=SET_ON)
     """Standard error up to which a comparison tells something."""
