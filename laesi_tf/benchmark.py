@@ -11,7 +11,7 @@ from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.benchmark_arguments import add_photo_arguments, add_scene_arguments, report_figures
 from laesi_tf.cli.comparison_arguments import add_method_arguments, add_photo_set_arguments
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.dataset_arguments import add_filter_arguments
+from laesi_tf.cli.dataset_arguments import add_filter_arguments, add_ranges_argument
 from laesi_tf.cli.model_arguments import add_model_arguments, load_tensorflow_if_needed, model_options
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_csv, write_figure, write_text
@@ -35,9 +35,7 @@ def benchmark_synthesis(arguments: Sequence[str]) -> None:
     """Measure the speed of synthesis, alone, per component and during training, and its peak memory."""
     parser = make_parser("benchmark synthesis", benchmark_synthesis.__doc__)
     add_scene_arguments(parser, size=(224, 224))
-    parser.add_argument(
-        "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
-    )
+    add_ranges_argument(parser)
     parser.add_argument(
         "--lighting-passes",
         type=positive_int,
@@ -232,9 +230,7 @@ def benchmark_filter(arguments: Sequence[str]) -> None:
     parser.add_argument(
         "--count", type=positive_int, default=200, metavar="N", help="images of each kind and severity"
     )
-    parser.add_argument(
-        "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
-    )
+    add_ranges_argument(parser)
     add_filter_arguments(parser)
     parser.add_argument(
         "--textures",

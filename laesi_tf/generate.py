@@ -13,7 +13,7 @@ from typing import Any
 
 from laesi_tf.cli.arguments import make_parser
 from laesi_tf.cli.console import run_command
-from laesi_tf.cli.dataset_arguments import add_shard_argument
+from laesi_tf.cli.dataset_arguments import add_ranges_argument, add_shard_argument
 from laesi_tf.cli.tensorflow_setup import load_tensorflow
 from laesi_tf.common.atomic_files import require_writable, write_json
 from laesi_tf.common.parsing import image_size, non_negative_int, positive_int
@@ -72,9 +72,7 @@ def _make_parser() -> argparse.ArgumentParser:
         default=0,
         help="seed of the scenes; a data set that tests a model needs another seed than its training data",
     )
-    parser.add_argument(
-        "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
-    )
+    add_ranges_argument(parser)
     parser.add_argument("--format", choices=FORMATS, default="records", help="TFRecord, or JPEG and PNG")
     parser.add_argument("--per-shard", type=positive_int, default=1000, metavar="N", help="images in a shard")
     add_shard_argument(parser, verb="generate")

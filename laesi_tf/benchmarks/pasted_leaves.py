@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 from laesi_tf.benchmarks.timing import format_row
 from laesi_tf.common.arrays import Mask, RgbImage
 from laesi_tf.common.errors import InputError
-from laesi_tf.common.geometry import to_cv2_points
 from laesi_tf.common.hardware import describe_hardware
+from laesi_tf.common.metrics import ious
 from laesi_tf.common.progress import progress_bar
-from laesi_tf.data.decoding import decode_mask, decode_photo
 from laesi_tf.data.manifest import Photo
-from laesi_tf.estimators.base import Estimator, LeafMeasurement, PhotoInfo
+from laesi_tf.estimators.base import Estimator, PhotoInfo
+from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.ruling_estimator import UNCOUNTED
+from laesi_tf.estimators.sheet_colour import compare_with_paper
+from laesi_tf.evaluation.photo_scores import load_photo_and_mask
 
 _MOST_PASTED = 3
 _SIZES = (0.5, 1.25)
@@ -63,8 +65,9 @@ def measure_pasted_leaves(
         if measurement.refusal is not None:
             refused += 1
             continue
-        outlines = [paint_leaf(leaf, scene.image.shape[:2]) for leaf in measurement.leaves]
-        overlaps = np.array([[_iou(leaf, outline) for outline in outlines] for leaf in scene.leaves])
+        photo = PhotoPyramid(scene.image).photo
+        outlines = [photo.paint([leaf.outline]) for leaf in measurement.leaves if leaf.outline is not None]
+        overlaps = np.array([[ious(outline, leaf)[0] for outline in outlines] for leaf in scene.leaves])
         is_found = (overlaps > _SAME_LEAF).any(axis=1)
         found += int(is_found.sum())
         missed += int((~is_found).sum())
@@ -108,14 +111,6 @@ def paste_leaves(photos: Sequence[Photo], *, count: int, seed: int) -> Iterator[
         yield SeveralLeaves(image, tuple(leaves), info)
 
 
-def paint_leaf(leaf: LeafMeasurement, size: tuple[int, ...]) -> Mask:
-    """Return a measured leaf as a mask, bool `size` (height, width)."""
-    painted = np.zeros(size, np.uint8)
-    if leaf.outline is not None:
-        cv2.fillPoly(painted, [to_cv2_points(leaf.outline)], 1)
-    return painted > 0
-
-
 def format_table(metrics: Mapping[str, Any]) -> str:
     """Format the figures of `measure_pasted_leaves`."""
     names = ("photos", "refused", "leaves", "missed", "missed_without_a_note", "false_outlines")
@@ -126,10 +121,8 @@ def format_table(metrics: Mapping[str, Any]) -> str:
 
 def _load(photo: Photo) -> tuple[RgbImage, Mask]:
     """Return a photo and its mask. Raises InputError."""
-    assert photo.mask is not None
-    image, mask = decode_photo(photo.image), decode_mask(photo.mask)
-    if image.shape[:2] != mask.shape:
-        raise InputError(f"{photo.mask} has not the size of its photo; leave it out of the manifest")
+    image, mask = load_photo_and_mask(photo)
+    assert mask is not None, "the photo was chosen for its mask"
     return image, mask
 
 
@@ -180,14 +173,7 @@ def _paste(
 def _find_paper(image: RgbImage, leaf: Mask) -> Mask:
     """Return where `image` has the colour of what surrounds its own `leaf`, in light or shadow."""
     unit = max(3, max(leaf.shape) // 50 | 1)
-    smooth = cv2.blur(image, (unit, unit)).astype(np.float32) / 255
-    lab = cv2.cvtColor(smooth, cv2.COLOR_RGB2LAB)
     far, near = (cv2.dilate(leaf.astype(np.uint8), np.ones([n * unit] * 2, np.uint8)) for n in (4, 2))
-    sheet = np.median(lab[(far > 0) & (near == 0)], axis=0)
-    tint = np.linalg.norm(lab[..., 1:] - sheet[1:], axis=2)
-    paper: Mask = (tint < _MAX_TINT) & (lab[..., 0] > sheet[0] / 2)
+    tint, shade = compare_with_paper(cv2.blur(image, (unit, unit)), (far > 0) & (near == 0))
+    paper: Mask = (tint < _MAX_TINT) & (shade > -np.log(2))
     return paper
-
-
-def _iou(one: Mask, other: Mask) -> float:
-    return float((one & other).sum() / max(int((one | other).sum()), 1))

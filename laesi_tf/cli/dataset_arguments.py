@@ -36,3 +36,10 @@ def add_filter_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _max_deviation(text: str) -> float:
     return positive_float(text, what="share of the leaf")
+
+
+def add_ranges_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the ranges of scenes, by default those of `rendering_2`."""
+    parser.add_argument(
+        "--ranges", default="rendering_2", metavar="PRESET|FILE", help="ranges that scenes are sampled from"
+    )

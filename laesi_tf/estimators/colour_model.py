@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.arrays import FloatMap, Mask, RgbImage
+from laesi_tf.estimators.mask_shapes import distance_inside, make_disc
 from laesi_tf.estimators.parameters import parameter
 
 _PRIOR_WEIGHT = 0.02
@@ -99,17 +100,6 @@ def fit_colour_model(
     paper = colours[near]
     bound = params.max_log_odds
     return ColourModel(np.clip(log_odds, -bound, bound), paper.mean(axis=0), paper.std(axis=0))
-
-
-def distance_inside(mask: Mask) -> FloatMap:
-    """Return the distance in pixels of each pixel of `mask`, bool [h, w], from the nearest one outside."""
-    return cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
-
-
-def make_disc(radius: float) -> NDArray[np.uint8]:
-    """Return a disc of at least one pixel's radius as a structuring element, uint8."""
-    side = 2 * max(1, round(radius)) + 1
-    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
 
 
 def _select_samples(

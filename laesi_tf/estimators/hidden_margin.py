@@ -6,12 +6,18 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from laesi_tf.common.arrays import Mask, Points, RgbImage
+from laesi_tf.common.arrays import Mask, Points
 from laesi_tf.common.geometry import Polygon, trace_polygons
-from laesi_tf.estimators.colour_model import distance_inside, make_disc
 from laesi_tf.estimators.leaf_outline import LeafOutline, paint_masks
+from laesi_tf.estimators.mask_shapes import (
+    close_mask,
+    distance_inside,
+    grow_mask,
+    make_disc,
+    make_square,
+    open_mask,
+)
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid, shrink
 from laesi_tf.estimators.print_visibility import (
@@ -21,6 +27,7 @@ from laesi_tf.estimators.print_visibility import (
     measure_visibility,
 )
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
+from laesi_tf.estimators.sheet_colour import compare_with_paper
 
 _TOUCHING_PX = 3
 """Things at most so far from a leaf touch it."""
@@ -86,7 +93,7 @@ def add_hidden_margin(
     leaf = outline.polygon.outer
     crop = _crop_around(leaf, camera, pyramid, params)
     own, other = crop.paint([leaf]) > 0, crop.paint(others) > 0
-    hidden = _grow(own | other, 1)
+    hidden = grow_mask(own | other, 1)
     visibility = measure_visibility(crop, camera, camera.pitch_mm, hidden, params.visibility)
     if visibility is None:
         return outline
@@ -96,11 +103,12 @@ def add_hidden_margin(
     bare = ruled & visibility.is_known & (distance_inside(~(own | covered)) > 2 * line)
     if not bare.any() or (visibility.share[bare] > params.hidden_below).mean() < params.least_visible:
         return outline
-    paper_like = _find_paper_colour(crop.image, bare, params)
+    tint, shade = compare_with_paper(crop.image, bare)
+    paper_like = (tint < params.max_tint) & (np.abs(shade) < params.max_shade)
     margin, thing = _choose_margin(covered, own, other, visibility, paper_like, params)
     leaf_px = np.count_nonzero(own)
     if np.count_nonzero(margin) >= params.least_area * leaf_px:
-        margin |= _grow(margin, 2) & hidden & ~own & ~other
+        margin |= grow_mask(margin, 2) & hidden & ~own & ~other
         return _join(outline, margin, crop, pyramid, params.edge_sd * line)
     is_beside_thing = bool(np.count_nonzero(thing) >= params.least_thing * leaf_px)
     return dataclasses.replace(outline, is_touched=outline.is_touched or is_beside_thing)
@@ -125,21 +133,11 @@ def _find_covered(
     covered = visibility.is_known & (visibility.share < params.hidden_below)
     radius = params.least_width * visibility.px_per_line / 2
     disc, wide = make_disc(radius), make_disc(2 * radius)
-    closed = _close(covered | own, wide)
+    closed = close_mask(covered | own, wide)
     # Bays between the leaf's own lobes are not closed.
-    closed &= covered | ~_close(own, wide)
+    closed &= covered | ~close_mask(own, wide)
     closed &= ~hidden & ruled
-    return cv2.morphologyEx(closed.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
-
-
-def _find_paper_colour(image: RgbImage, bare: Mask, params: HiddenMarginParams) -> Mask:
-    """Return where `image`, uint8 [h, w, 3], has about the colour of its `bare` paper, bool [h, w]."""
-    lab = cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
-    paper = np.median(lab[bare], axis=0)
-    tint = np.hypot(lab[..., 1] - paper[1], lab[..., 2] - paper[2])
-    shade = np.abs(np.log(np.maximum(lab[..., 0], 1) / max(float(paper[0]), 1)))
-    alike: Mask = (tint < params.max_tint) & (shade < params.max_shade)
-    return alike
+    return open_mask(closed, disc)
 
 
 def _choose_margin(
@@ -160,7 +158,7 @@ def _choose_margin(
     _, sides, _ = cv2.minAreaRect(cv2.findNonZero(own.astype(np.uint8)))
     greatest_px = max(params.greatest_width * float(np.min(sides)), _MARGIN_LINES * visibility.px_per_line)
     limit = distance_inside(~own) > greatest_px
-    limit |= _grow(other, _TOUCHING_PX)
+    limit |= grow_mask(other, _TOUCHING_PX)
     limit[[0, -1]] = True
     limit[:, [0, -1]] = True
     may_be_margin = np.bincount(labels[limit], minlength=count) == 0
@@ -172,9 +170,9 @@ def _choose_margin(
     )
     may_be_margin &= alike > 0.5
     is_sure = energy > params.least_energy
-    ring = _grow(own, 1) & ~own
+    ring = grow_mask(own, 1) & ~own
     # Where two parts touch the same pixel, one of them counts.
-    touching = cv2.dilate(labels.astype(np.float32), _square(_TOUCHING_PX))[ring].astype(int)
+    touching = cv2.dilate(labels.astype(np.float32), make_square(_TOUCHING_PX))[ring].astype(int)
     contact = np.bincount(touching, minlength=count) / max(int(np.count_nonzero(ring)), 1)
     is_sure &= contact > params.least_contact
     is_sure[0] = False
@@ -192,7 +190,7 @@ def _join(
     target = pyramid.crop_around(box, min_side=side, max_side=2 * side)
     leaf, added = (paint_masks([placed], target) for placed in (outline.placed_mask, (crop, margin)))
     # Where both meet, one of them has coarser pixels.
-    mask = leaf | (_close(leaf | added, make_disc(2.0)) & _grow(added, 4))
+    mask = leaf | (close_mask(leaf | added, make_disc(2.0)) & grow_mask(added, 4))
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
     mask &= labels == np.bincount(labels[leaf]).argmax()
     outer, *holes = (target.to_photo(ring) for ring in trace_polygons(mask)[0].rings)
@@ -208,15 +206,3 @@ def _join(
         area_sd_px=float(np.hypot(outline.area_sd_px, area_sd)),
         has_hidden_margin=True,
     )
-
-
-def _close(mask: Mask, shape: NDArray[np.uint8]) -> Mask:
-    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, shape) > 0
-
-
-def _grow(mask: Mask, pixels: int) -> Mask:
-    return cv2.dilate(mask.astype(np.uint8), _square(pixels)) > 0
-
-
-def _square(reach: int) -> NDArray[np.uint8]:
-    return np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)

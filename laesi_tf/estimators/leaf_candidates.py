@@ -13,6 +13,7 @@ from laesi_tf.common.geometry import ImageSize, from_cv2_contour, pixel_centres
 from laesi_tf.data.letterbox import Letterbox
 from laesi_tf.estimators.boxes import largest_iou
 from laesi_tf.estimators.leaf_colour import LeafColourParams, ThingColour, measure_colour
+from laesi_tf.estimators.mask_shapes import grow_mask
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid
 
@@ -136,7 +137,7 @@ class LeafCandidate:
     def own_probability(self) -> FloatMap:
         """Return `probability` with all other components set to 0."""
         # One pixel around the component keeps its slope, which interpolation needs.
-        near = _dilate(self.component)
+        near = grow_mask(self.component, 1)
         return np.where(near | (self.probability < self.params.leaf_probability), self.probability, 0)
 
     def other_leaves_mask(self) -> Mask:
@@ -146,7 +147,7 @@ class LeafCandidate:
         least = self.params.min_area_of_largest * np.count_nonzero(self.component)
         is_large = statistics[:, cv2.CC_STAT_AREA] >= least
         is_large[0] = False
-        is_large[np.unique(labels[_dilate(self.component)])] = False
+        is_large[np.unique(labels[grow_mask(self.component, 1)])] = False
         return is_large[labels]
 
     def is_cut_off(self, photo: ImageSize) -> bool:
@@ -237,7 +238,3 @@ def _locate(
     touches = np.stack([corners[0] <= 1.01 * pixel, corners[1] >= end - 1.01 * pixel])
     continues = np.stack([crop.origin > 0.5, crop.to_photo(end) < pyramid.size.xy - 0.5])
     return crop.to_photo(corners), not (touches & continues).any()
-
-
-def _dilate(mask: Mask) -> Mask:
-    return cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0

@@ -132,17 +132,18 @@ def measure_colour(image: RgbImage, thing: Mask, params: LeafColourParams) -> Th
     within = image[thing]
     within = within[:: max(1, len(within) // params.sampled_side_px**2)]
     around = image[grid][~thing[grid]] if not thing[grid].all() else within
-    ranges = _measure_range(np.concatenate([within, around]))
+    colours = np.concatenate([within, around])
+    least = 255 - largest_channel(255 - colours)
+    ranges = largest_channel(colours) - least
     if not len(within) or np.percentile(ranges, 99.9) <= params.max_grey:
         return ThingColour(np.zeros(3, np.float32), is_known=False)
     within, sheet = np.median(within, axis=0), np.median(around, axis=0)
     return ThingColour(_to_relative_lab(within.reshape(1, 1, 3), sheet)[0, 0], is_known=True)
 
 
-def _measure_range(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the largest less the least channel of `colours`, uint8 [n, 3]: uint8 [n]."""
-    red, green, blue = colours.T
-    return np.maximum(np.maximum(red, green), blue) - np.minimum(np.minimum(red, green), blue)
+def largest_channel(colours: NDArray[Any]) -> NDArray[Any]:
+    """Return the largest channel of `colours` [..., 3]: [...]. NumPy's maximum of three numbers is slow."""
+    return np.maximum(np.maximum(colours[..., 0], colours[..., 1]), colours[..., 2])
 
 
 def _to_relative_lab(image: NDArray[Any], sheet: NDArray[Any]) -> FloatMap:
@@ -151,9 +152,7 @@ def _to_relative_lab(image: NDArray[Any], sheet: NDArray[Any]) -> FloatMap:
     What is brighter than the sheet, as leaves on black cloth are, keeps its hue.
     """
     relative = image.astype(np.float32) / np.maximum(sheet, 1).astype(np.float32)
-    # NumPy is slow at maxima of three numbers.
-    brightest = np.maximum(np.maximum(relative[..., 0], relative[..., 1]), relative[..., 2])
-    relative /= np.maximum(brightest, 1)[..., np.newaxis]
+    relative /= np.maximum(largest_channel(relative), 1)[..., np.newaxis]
     return cv2.cvtColor(relative, cv2.COLOR_RGB2LAB)
 
 

@@ -18,7 +18,7 @@ from laesi_tf.common.geometry import ImageSize
 from laesi_tf.data.letterbox import Letterbox, letterbox_image
 from laesi_tf.estimators.boxes import largest_iou, square_around, stack_boxes
 from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams, extract_candidates
-from laesi_tf.estimators.leaf_colour import MAX_MEDIAN_SIDE, find_leaf_colour
+from laesi_tf.estimators.leaf_colour import MAX_MEDIAN_SIDE, find_leaf_colour, largest_channel
 from laesi_tf.estimators.leaf_duplicates import remove_duplicates
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 
@@ -115,8 +115,7 @@ class LeafDetector:
     def _segment_by_contrast(self, overview: RgbImage, letterbox: Letterbox) -> FloatMap:
         """Return 1 where `overview`, uint8 [h, w, 3], differs in colour from the sheet, else 0: float32."""
         side = min(MAX_MEDIAN_SIDE, min(letterbox.extent) // 3 | 1)
-        channels = cv2.split(cv2.absdiff(overview, cv2.medianBlur(overview, side)))
-        difference = cv2.max(cv2.max(channels[0], channels[1]), channels[2])
+        difference = largest_channel(cv2.absdiff(overview, cv2.medianBlur(overview, side)))
         threshold, _ = cv2.threshold(difference, 0, 255, cv2.THRESH_OTSU)
         marked = (difference > max(threshold, self._params.min_contrast)).astype(np.uint8)
         return cv2.morphologyEx(marked, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(np.float32)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from laesi_tf.common.arrays import Mask, RgbImage
+from laesi_tf.estimators.mask_shapes import distance_inside
 from laesi_tf.estimators.parameters import parameter
 
 _DARKEST_LEVEL = 4.0
@@ -52,7 +53,7 @@ def is_touched(
     stride = max(1, int(network_px // 2))
     grid = (slice(stride // 2, None, stride),) * 2
     unit, outside = network_px / stride, ~leaf[grid]
-    distance = cv2.distanceTransform(outside.astype(np.uint8), cv2.DIST_L2, 3)
+    distance = distance_inside(outside)
     side = int(params.window * unit) | 1
     weight = cv2.blur(outside.astype(np.float32), (side, side))
     colours = cv2.blur(image[grid].astype(np.float32) * outside[..., None], (side, side))

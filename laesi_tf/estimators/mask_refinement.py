@@ -16,10 +16,9 @@ from laesi_tf.common.arrays import FloatMap, Mask, RgbImage
 from laesi_tf.estimators.colour_model import (
     ColourModel,
     ColourModelParams,
-    distance_inside,
     fit_colour_model,
-    make_disc,
 )
+from laesi_tf.estimators.mask_shapes import distance_inside, make_disc
 from laesi_tf.estimators.parameters import parameter
 
 

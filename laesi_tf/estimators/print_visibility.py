@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from laesi_tf.common.arrays import FloatMap, Mask
+from laesi_tf.estimators.leaf_colour import largest_channel
+from laesi_tf.estimators.mask_shapes import distance_inside, grow_mask
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop
 from laesi_tf.estimators.sheet_map import SheetMap
@@ -30,7 +32,7 @@ _REPEAT = 10
 """After so many finest lines the print repeats itself. Heavier fourths are averaged with other lines; their
 paper is seen nevertheless."""
 _BINS = 160
-"""Phases of that repeat that are told apart."""
+"""Phases of that repeat that are distinguished."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,18 +82,17 @@ def measure_visibility(
     # False for a map that is not finite here, too.
     if not params.least_px <= px_per_line <= max(crop.size) / params.background:
         return None
-    is_exposed = (crop.image.max(axis=2) <= _BRIGHTEST_LEVEL) & (crop.image.max(axis=2) >= _DARKEST_LEVEL)
+    brightest = largest_channel(crop.image)
+    is_exposed = (brightest <= _BRIGHTEST_LEVEL) & (brightest >= _DARKEST_LEVEL)
     logs = _LOG_LEVELS[crop.image]
     ink = logs @ _find_ink(logs, hidden, max(1, round(px_per_line / 2)))
     side = round(params.background * px_per_line) | 1
     contrast = _subtract_mean(ink, ~hidden, side)
     # A dark stroke spoils its surroundings: their mean is taken again without it.
     is_print = (np.abs(contrast) < params.max_contrast) & is_exposed
-    strokes = cv2.dilate((~is_print & ~hidden).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    usable = ~hidden & ~strokes
+    usable = ~hidden & ~grow_mask(~is_print & ~hidden, 1)
     # What lies beside a leaf may hide the print, and is no sample of it.
-    apart = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, 3) > params.apart * px_per_line
-    samples = usable & apart
+    samples = usable & (distance_inside(~hidden) > params.apart * px_per_line)
     if np.count_nonzero(samples) < params.least_pixels * _BINS:
         return None
     contrast = _subtract_mean(ink, usable, side)

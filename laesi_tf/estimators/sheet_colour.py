@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from laesi_tf.common.arrays import Mask, Points
-from laesi_tf.estimators.colour_model import distance_inside
+from laesi_tf.common.arrays import FloatMap, Mask, Points, RgbImage
+from laesi_tf.estimators.mask_shapes import distance_inside
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import Crop, shrink
 from laesi_tf.models.ruling_cells import CELL_PX
@@ -85,3 +85,15 @@ class SheetColour:
         tint = np.abs(lab[ring, 1:] - expected[1:]).max(axis=1)
         shade = np.abs(np.log(np.maximum(lab[ring, 0], 1) / max(expected[0], 1)))
         return float(((tint < params.max_tint) & (shade < params.max_shade)).mean())
+
+
+def compare_with_paper(image: RgbImage, paper: Mask) -> tuple[FloatMap, FloatMap]:
+    """Return how the colours of `image`, uint8 [h, w, 3], differ from the median of `paper`, bool [h, w].
+
+    The first, [h, w], is the difference of hue and saturation, CIELAB; the second, [h, w], that of ln of
+    lightness, negative where the image is darker.
+    """
+    lab = cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    lightness, a, b = np.median(lab[paper], axis=0)
+    tint = np.hypot(lab[..., 1] - a, lab[..., 2] - b)
+    return tint, np.log(np.maximum(lab[..., 0], 1) / max(float(lightness), 1))
