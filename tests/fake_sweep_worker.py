@@ -24,6 +24,7 @@ BEHAVIOURS = (
     "stuck_once",
     "dies_once",
     "long",
+    "held",
 )
 FACTORS = {"behaviour": BEHAVIOURS}
 
@@ -38,11 +39,18 @@ def open_queue(storage: str, policy: RetryPolicy = POLICY) -> GridQueue:
     return GridQueue(StudyStorage(storage, policy), "study", FACTORS, group=lambda job: int(job.name) // 10)
 
 
+def release_file(log: Path) -> Path:
+    """Return the file whose existence lets held trials go on."""
+    return log.with_suffix(".released")
+
+
 def objective(log: Path, claim: ClaimedTrial, watchdog: TrialWatchdog) -> TrialResult:
     """Behave as the job's level says, and log that it was started."""
     behaviour = claim.job.levels["behaviour"]
     with log.open("a") as file:
         file.write(f"{claim.job.name} {claim.attempt} {os.getpid()}\n")
+    while behaviour == "held" and not release_file(log).exists():
+        time.sleep(0.02)
     watchdog.start_clock()
     time.sleep(0.02)
     if behaviour == "raises" or (behaviour == "raises_once" and claim.attempt == 1):
