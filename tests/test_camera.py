@@ -78,6 +78,25 @@ def test_homography_is_a_pinhole_over_a_tilted_sheet() -> None:
 
 
 @FAST
+@given(tilt=st.floats(0, 20), direction=ANGLES, height=st.floats(0, 5))
+def test_what_is_above_the_sheet_is_magnified_about_the_foot(
+    tilt: float, direction: float, height: float
+) -> None:
+    view = tilted_view(tilt, direction, 0.0)
+    distance = float(view.height_mm) / math.cos(math.radians(tilt))
+    points = np.random.default_rng(2).uniform(-40, 40, (20, 2))
+    turn, _ = cv2.Rodrigues(math.radians(tilt) * np.array([math.cos(direction), math.sin(direction), 0]))
+
+    def to_photo(height: float) -> np.ndarray:
+        in_space = np.column_stack([points, np.full(len(points), -height)]) @ turn.T + [0, 0, distance]
+        return 400 / float(view.fov_mm) * distance * in_space[:, :2] / in_space[:, 2:]
+
+    magnified = view.foot + view.magnification_at(tf.constant(height)) * (points - view.foot)
+    moved = view.to_photo(magnified) - view.to_photo(tf.constant(points, tf.float32))
+    np.testing.assert_allclose(moved, to_photo(height) - to_photo(0.0), atol=0.02)
+
+
+@FAST
 @given(
     fill=st.floats(0.25, 0.86), place=st.floats(0, 1), roll=ANGLES, tilt=st.floats(0, 20), direction=ANGLES
 )

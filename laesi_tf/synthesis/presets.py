@@ -71,11 +71,14 @@ _PHONE_LEAVES = {
             petiole=(0.0, 0.45),
             petiole_width_mm=(0.6, 2.4),
             holed=Probability(0.25),
+            # The thickness of a fresh leaf.
+            lift_mm=(0.1, 0.3),
         ),
     )
     for name, (weight, leaf) in LEAF_KINDS.items()
 }
-"""Smaller leaves, with longer and thinner petioles, and a kind that is narrow as grass or needles."""
+"""Smaller leaves that have a thickness, with longer and thinner petioles, and a kind that is narrow as
+grass or needles."""
 _PHONE_LEAVES["linear"] = (
     0.08,
     dataclasses.replace(

@@ -73,7 +73,9 @@ def crop_view(view: CameraView, size: ImageSize, *, place: tf.Tensor, px_per_mm:
     flat = view._replace(distortion=None)
     zoom = px_per_mm / px_per_mm_at(view.to_px, flat.to_sheet(middle))
     to_crop = place_matrix(zoom, image_wh / 2 - zoom * middle)
-    return CameraView(to_crop @ view.to_px, zoom * view.px_per_mm, view.fov_mm / zoom)
+    return flat._replace(
+        to_px=to_crop @ view.to_px, px_per_mm=zoom * view.px_per_mm, fov_mm=view.fov_mm / zoom
+    )
 
 
 def set_blur(camera: CameraParams[Scalar], blur_mm: tf.Tensor) -> CameraParams[Scalar]:

@@ -31,7 +31,8 @@ _EMPTY_VIEW = 0.35
 
 
 class LeafPose(NamedTuple):
-    """Rotation [2, 2] and translation [2] from leaf coordinates to sheet coordinates, mm."""
+    """Rotation [2, 2], scaled for a leaf above its sheet, and translation [2] from leaf coordinates to sheet
+    coordinates, mm."""
 
     rotation: tf.Tensor
     translation: tf.Tensor
@@ -42,12 +43,16 @@ class LeafPose(NamedTuple):
         moved = tf.linalg.matmul(flat, self.rotation, transpose_b=True) + self.translation
         return tf.reshape(moved, tf.shape(points))
 
+    def magnify(self, factor: tf.Tensor, centre: tf.Tensor) -> "LeafPose":
+        """Return the pose behind which all sheet points are `factor` times as far from `centre` [2]."""
+        return LeafPose(factor * self.rotation, centre + factor * (self.translation - centre))
+
 
 class SceneLayout(NamedTuple):
     """The leaf on the sheet and the camera's view of it.
 
-    `outline` [n, 2] and `holes` [k, m, 2] are in sheet mm, with the centre of the leaf's bounding box at the
-    origin; `area_cm2` [] is the label.
+    `outline` [n, 2] and `holes` [k, m, 2] are what the leaf, as the camera sees it, covers of the sheet, in
+    mm; the centre of its own bounding box is the origin. `area_cm2` [] is the label, the leaf's own area.
     """
 
     outline: tf.Tensor
@@ -86,12 +91,13 @@ def compute_layout(
     rotation = tf.stack([tf.stack([cosine, -sine]), tf.stack([sine, cosine])])
     rotated = tf.linalg.matmul(outline, rotation, transpose_b=True)
     pose = LeafPose(rotation, -(tf.reduce_min(rotated, axis=0) + tf.reduce_max(rotated, axis=0)) / 2)
-    centred = rotated + pose.translation
+    view = compute_view(camera, rotated + pose.translation, size, is_distorted=bool(components))
+    lifted = pose.magnify(view.magnification_at(leaf.lift_mm), view.foot)
     return SceneLayout(
-        outline=centred,
-        holes=pose.apply(holes),
-        pose=pose,
-        view=compute_view(camera, centred, size, is_distorted=bool(components)),
+        outline=lifted.apply(outline),
+        holes=lifted.apply(holes),
+        pose=lifted,
+        view=view,
         area_cm2=leaf_area_cm2(outline, holes),
     )
 

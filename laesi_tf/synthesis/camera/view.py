@@ -31,13 +31,16 @@ class CameraView(NamedTuple):
     """One camera position.
 
     `to_px` [3, 3] maps sheet mm to pixels, `px_per_mm` is the scale at the leaf's area centroid, `fov_mm` the
-    width of the sheet that the image shows at the leaf. With a `distortion`, which ranges without lens and
+    width of the sheet that the image shows at the leaf. The camera is `height_mm` above `foot` [2], a sheet
+    point in mm. With a `distortion`, which ranges without lens and
     bend lack, `to_px` is the homography of the same photo without them.
     """
 
     to_px: tf.Tensor
     px_per_mm: tf.Tensor
     fov_mm: tf.Tensor
+    foot: tf.Tensor
+    height_mm: tf.Tensor
     distortion: Distortion | None = None
 
     def to_photo(self, points: tf.Tensor) -> tf.Tensor:
@@ -49,6 +52,10 @@ class CameraView(NamedTuple):
         """Return the sheet points [..., 2] in mm of photo `points` [..., 2] in pixels."""
         flat = points if self.distortion is None else self.distortion.to_flat(points)
         return project_points(invert_homography(self.to_px), flat)
+
+    def magnification_at(self, height_mm: tf.Tensor) -> tf.Tensor:
+        """Return by what factor, about `foot`, a thing so high above the flat sheet covers more of it."""
+        return self.height_mm / (self.height_mm - height_mm)
 
     def pixel_centres_to_sheet(self, size: ImageSize) -> tuple[tf.Tensor, tf.Tensor]:
         """Return the sheet positions X and Y, [H, W] mm, of all pixel centres of the photo."""
@@ -78,8 +85,8 @@ def compute_view(
     height, width = tf.unstack(tf.cast(size, tf.float32))
     extent = tf.reduce_max(outline, axis=0) - tf.reduce_min(outline, axis=0)
     fov = tf.clip_by_value(tf.reduce_max(extent) / camera.fill, camera.closest_mm, camera.farthest_mm)
-    tilt = tilt_deg(camera) * (math.pi / 180)
-    homography = pinhole_homography(tilt, camera.tilt_direction, camera.roll, camera.focal * fov, width / fov)
+    tilt, distance = tilt_deg(camera) * (math.pi / 180), camera.focal * fov
+    homography = pinhole_homography(tilt, camera.tilt_direction, camera.roll, distance, width / fov)
     box = project_points(homography, outline)
     corner, box_size = tf.reduce_min(box, axis=0), tf.reduce_max(box, axis=0) - tf.reduce_min(box, axis=0)
     image_wh = tf.stack([width, height])
@@ -95,7 +102,13 @@ def compute_view(
     shift = low + position * (free_space - zoom * box_size) - zoom * corner
     to_px = tf.linalg.matmul(place_matrix(zoom, shift), homography)
     centroid = polygon_centroid(outline)
-    view = CameraView(to_px, px_per_mm_at(to_px, centroid), fov_mm=fov / zoom)
+    view = CameraView(
+        to_px,
+        px_per_mm_at(to_px, centroid),
+        fov_mm=fov / zoom,
+        foot=_camera_foot(tilt, camera.tilt_direction, distance),
+        height_mm=distance * tf.cos(tilt),
+    )
     if not is_distorted:
         return view
     view = view._replace(distortion=make_distortion(camera, to_px, height, width))
@@ -126,6 +139,11 @@ def pinhole_homography(
     )
     tilted = _rotation_homography(direction + roll) @ foreshortening @ _rotation_homography(-direction)
     return tf.stack([scale, scale, 1.0])[:, None] * tilted
+
+
+def _camera_foot(tilt: tf.Tensor, direction: tf.Tensor, distance: tf.Tensor) -> tf.Tensor:
+    """Return the sheet point [2] in mm below the camera of `pinhole_homography`."""
+    return distance * tf.sin(tilt) * tf.stack([tf.sin(direction), -tf.cos(direction)])
 
 
 def _rotation_homography(angle: tf.Tensor) -> tf.Tensor:

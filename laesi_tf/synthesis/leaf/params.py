@@ -54,6 +54,8 @@ class LeafParams(Generic[Value]):
     veins: Value = interval(6, 13)
     """Secondary veins on each side."""
     vein_angle: Value = interval(0.6, 1.1)
+    lift_mm: Value = constant(0.0)
+    """Height of the blade's upper side above the paper: a camera sees what is nearer to it larger."""
 
 
 LEAF_KINDS: dict[str, tuple[float, LeafParams[Range]]] = {
