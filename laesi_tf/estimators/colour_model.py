@@ -16,6 +16,8 @@ _MIN_VARIANCE = 4.0
 """Variance in levels squared that is added to every channel: noise that the samples may not show."""
 _SHRINKAGE = 0.01
 """Share of the mean variance that is added to every channel, which keeps the scatter invertible."""
+_ROUNDS = 3
+"""Fits of a thin thing's colour, each on samples that the one before has chosen."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,20 +88,56 @@ def fit_colour_model(
     )
     if min(np.count_nonzero(leaf), np.count_nonzero(near)) < params.min_samples:
         return None
+    log_odds = _discriminate(image, colours, leaf, annulus, near, params.window * unit, params)
+    paper = colours[near]
+    return ColourModel(log_odds, paper.mean(axis=0), paper.std(axis=0))
+
+
+def fit_thing_colour(
+    image: RgbImage, thing: Mask, paper: Mask, network_px: float, params: ColourModelParams
+) -> FloatMap | None:
+    """Return the log-odds, float32 [h, w], that pixels of `image` have the colour of a thin thing.
+
+    `thing`, bool [h, w], is about where it is, `paper` is beside it. None with too few samples of either.
+    """
+    colours = image.astype(np.float32)
+    log_odds, sample = None, thing
+    for _ in range(_ROUNDS):
+        if min(np.count_nonzero(sample), np.count_nonzero(paper)) < params.min_samples:
+            return None
+        window = params.window * network_px
+        log_odds = _discriminate(image, colours, sample, paper, paper, window, params)
+        # Samples along the rim were paper.
+        sample = thing & (log_odds > 0)
+    return log_odds
+
+
+def _discriminate(
+    image: RgbImage,
+    colours: NDArray[np.float32],
+    leaf: Mask,
+    annulus: Mask,
+    near: Mask,
+    window: float,
+    params: ColourModelParams,
+) -> FloatMap:
+    """Return the log-odds, float32 [H, W], of the colours of `image`.
+
+    `colours` [h, w, 3] are its pixels that the samples are chosen from; `window` is in those pixels.
+    """
     shaded_paper = np.concatenate([colours[annulus] * shade for shade in params.shades])
     direction = _fit_discriminant(colours[leaf], shaded_paper, params.max_samples)
-    window = int(params.window * unit) | 1
+    side = int(window) | 1
     values = colours @ direction
-    leaf_mean, paper_mean = _local_mean(values, leaf, window), _local_mean(values, near, window)
+    leaf_mean, paper_mean = _local_mean(values, leaf, side), _local_mean(values, near, side)
     variance = (np.var((values - leaf_mean)[leaf]) + np.var((values - paper_mean)[near])) / 2 + 1e-6
     slope = np.maximum(leaf_mean - paper_mean, 0) / variance
     midpoint = (leaf_mean + paper_mean) / 2
     full = image.shape[1::-1]
     score = cv2.transform(image.astype(np.float32), direction[np.newaxis])
     log_odds = (score - cv2.resize(midpoint, full)) * cv2.resize(slope, full)
-    paper = colours[near]
-    bound = params.max_log_odds
-    return ColourModel(np.clip(log_odds, -bound, bound), paper.mean(axis=0), paper.std(axis=0))
+    bounded: FloatMap = np.clip(log_odds, -params.max_log_odds, params.max_log_odds)
+    return bounded
 
 
 def _select_samples(

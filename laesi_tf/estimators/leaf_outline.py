@@ -22,6 +22,7 @@ from laesi_tf.estimators.leaf_shape import measure_polygon
 from laesi_tf.estimators.leaf_surroundings import SurroundingsParams, is_touched
 from laesi_tf.estimators.mask_refinement import MaskRefinementParams, refine_mask
 from laesi_tf.estimators.parameters import parameter
+from laesi_tf.estimators.petiole_chain import PetioleChainParams, find_chain
 from laesi_tf.estimators.photo_pyramid import Crop
 from laesi_tf.estimators.sheet_map import SheetMap
 
@@ -44,6 +45,7 @@ class LeafOutlineParams:
     """Parameters of outlines."""
 
     refinement: MaskRefinementParams = field(default_factory=MaskRefinementParams)
+    petiole: PetioleChainParams = field(default_factory=PetioleChainParams)
     surroundings: SurroundingsParams = field(default_factory=SurroundingsParams)
     min_area_px: float = parameter(50.0, unit="photo pixels")
     """Smaller leaves cannot be measured."""
@@ -94,6 +96,8 @@ class LeafOutline:
     """Whether something other than paper touches it."""
     has_hidden_margin: bool = False
     """Whether it includes a margin that has the paper's colour."""
+    candidate: LeafCandidate | None = None
+    """What the network saw of it, where there is one."""
 
     @property
     def placed_mask(self) -> PlacedMask:
@@ -138,11 +142,45 @@ class LeafOutline:
 
 def outline_leaf(candidate: LeafCandidate, size: ImageSize, params: LeafOutlineParams) -> LeafOutline | None:
     """Outline a leaf at the resolution of its crop of a photo of `size`; None if it is too small."""
+    return _outline(candidate, None, size, params)
+
+
+def add_petiole(outline: LeafOutline, size: ImageSize, params: LeafOutlineParams) -> LeafOutline:
+    """Return `outline` with the petiole that the network sees as a chain in a photo of `size`.
+
+    Whether a thing is a leaf must have been decided: printed lines beside a coin look like a chain, too.
+    """
+    if outline.candidate is None or outline.has_hidden_margin:
+        return outline
+    chain = find_chain(outline.candidate, params.petiole)
+    if chain is None:
+        return outline
+    extended = _outline(outline.candidate, chain, size, params)
+    return outline if extended is None else dataclasses.replace(extended, is_touched=outline.is_touched)
+
+
+def _outline(
+    candidate: LeafCandidate, chain: Mask | None, size: ImageSize, params: LeafOutlineParams
+) -> LeafOutline | None:
+    """Outline a leaf, with the petiole of `chain`, bool [h, w] in the network's input, if there is one."""
     crop, letterbox = candidate.crop, candidate.letterbox
-    others = letterbox.crop_and_resize_back(candidate.other_leaves_mask().astype(np.float32)) >= 0.5
-    probability = letterbox.crop_and_resize_back(candidate.own_probability())
+
+    def enlarge(mask: Mask) -> Mask:
+        enlarged: Mask = letterbox.crop_and_resize_back(mask.astype(np.float32)) >= 0.5
+        return enlarged
+
+    others, own = enlarge(candidate.other_leaves_mask()), candidate.own_probability()
+    if chain is not None:
+        own = np.where(chain, np.maximum(candidate.probability, params.petiole.raised_probability), own)
     network_px = 1 / float(letterbox.scale.min())
-    refined = refine_mask(crop.image, probability, network_px, others=others, params=params.refinement)
+    refined = refine_mask(
+        crop.image,
+        letterbox.crop_and_resize_back(own),
+        network_px,
+        others=others,
+        petiole=None if chain is None else enlarge(chain),
+        params=params.refinement,
+    )
     polygons = trace_polygons(refined.mask)
     if not polygons:
         return None
@@ -164,6 +202,7 @@ def outline_leaf(candidate: LeafCandidate, size: ImageSize, params: LeafOutlineP
         edge_sd_mm=params.edge_sd_mm,
         is_cut_off=is_cut_off,
         is_touched=is_touched(crop.image, refined.mask, others, network_px, params.surroundings),
+        candidate=candidate,
     )
 
 

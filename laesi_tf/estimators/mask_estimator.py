@@ -14,6 +14,7 @@ from laesi_tf.estimators.leaf_detector import LeafDetector, MaskPredictor
 from laesi_tf.estimators.leaf_outline import (
     LeafOutline,
     LeafOutlineParams,
+    add_petiole,
     looks_like_coin,
     looks_made,
     outline_leaf,
@@ -60,7 +61,7 @@ class MaskEstimator:
     def measure(self, image: RgbImage, info: PhotoInfo = UNKNOWN) -> Measurement:
         """Measure as `Estimator.measure`; a refusal for want of a scale has a mask and outlines."""
         pyramid = PhotoPyramid(image)
-        outlines = self.outline_leaves(self.detect_leaves(pyramid), pyramid)
+        outlines = self.add_petioles(self.outline_leaves(self.detect_leaves(pyramid), pyramid), pyramid)
         mask = paint_masks((outline.placed_mask for outline in outlines), pyramid.photo)
         if not outlines:
             return Measurement(method=METHOD, mask=mask, refusal=NO_LEAF)
@@ -90,6 +91,10 @@ class MaskEstimator:
         contours = [outline.polygon.outer for outline in outlines]
         boxes = np.array([[contour.min(axis=0), contour.max(axis=0)] for contour in contours])
         return [outlines[index] for index in sort_in_reading_order(boxes.reshape(-1, 2, 2))]
+
+    def add_petioles(self, outlines: Sequence[LeafOutline], pyramid: PhotoPyramid) -> list[LeafOutline]:
+        """Return `outlines`, all of them leaves, with petioles that are too thin for the network."""
+        return [add_petiole(outline, pyramid.size, self.params.outline) for outline in outlines]
 
     def _leave_out_coins(self, outlines: list[LeafOutline]) -> list[LeafOutline]:
         """Return `outlines` without coins: round, not green, and smaller than the largest of the others."""

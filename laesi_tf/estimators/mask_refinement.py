@@ -17,9 +17,13 @@ from laesi_tf.estimators.colour_model import (
     ColourModel,
     ColourModelParams,
     fit_colour_model,
+    fit_thing_colour,
 )
-from laesi_tf.estimators.mask_shapes import distance_inside, make_disc
+from laesi_tf.estimators.mask_shapes import distance_inside, make_disc, open_by_distance
 from laesi_tf.estimators.parameters import parameter
+
+PETIOLE_SET = "phone scenes (1,024 px, seed 80), rendered (split develop) and semi-real (val), 2026-11-30"
+"""What the parameters of petioles were set on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +43,10 @@ class MaskRefinementParams:
     """Width of a petiole at most."""
     petiole_log_odds: float = parameter(3.5, unit="log-odds")
     """Log-odds of a petiole's colour at least."""
+    petiole_likeness: float = parameter(0.7, unit="share of its pixels", set_on=PETIOLE_SET)
+    """Where more of a petiole has the blade's colour, it has no colour of its own."""
+    petiole_paper: float = parameter(6.0, unit="network pixels", set_on=PETIOLE_SET)
+    """Paper up to this distance is beside it."""
     hole_min_contrast: float = parameter(
         1 / 3, unit="standard deviation of the paper's colour", set_on="photos of glossy leaves, 2026-11-25"
     )
@@ -73,12 +81,14 @@ def refine_mask(
     network_px: float,
     *,
     others: Mask | None = None,
+    petiole: Mask | None = None,
     params: MaskRefinementParams | None = None,
 ) -> RefinedMask:
     """Refine the mask of the leaf that a network predicts on `image`, uint8 [h, w, 3].
 
     `probability` is the network's, float32 [h, w], interpolated to the image; one pixel of the network is
-    `network_px` pixels wide. `others`, bool [h, w], are neither this leaf nor its paper.
+    `network_px` pixels wide. `others`, bool [h, w], are neither this leaf nor its paper; `petiole`, bool
+    [h, w], is about where the network sees one.
     """
     params = params or MaskRefinementParams()
     core = probability >= 0.5
@@ -87,8 +97,11 @@ def refine_mask(
     bound = params.colour.max_log_odds
     if colours is None:
         return RefinedMask(core, _count_expected_errors(network, bound))
+    of_colour = colours.log_odds
+    if petiole is not None:
+        of_colour = _classify_petiole(image, core, petiole, of_colour, network_px, params)
     weighted = params.network_weight * network
-    log_odds = colours.log_odds + np.clip(weighted, -params.network_max_log_odds, params.network_max_log_odds)
+    log_odds = of_colour + np.clip(weighted, -params.network_max_log_odds, params.network_max_log_odds)
     distance = distance_inside(~core)
     band = params.band * network_px
     log_odds[distance_inside(core) > band] = bound
@@ -99,6 +112,31 @@ def refine_mask(
     mask = _add_petiole(leaf, core, colours.log_odds, distance, network_px, params)
     mask = _fill_glossy_holes(mask, image, colours, params)
     return RefinedMask(mask if mask.any() else core, _count_expected_errors(log_odds, bound))
+
+
+def _classify_petiole(
+    image: RgbImage,
+    core: Mask,
+    petiole: Mask,
+    log_odds: FloatMap,
+    network_px: float,
+    params: MaskRefinementParams,
+) -> FloatMap:
+    """Return `log_odds` [h, w] with those along `petiole`, bool [h, w], by a colour of its own.
+
+    Petioles often have another colour than the blade: red, brown, or pale.
+    """
+    if (log_odds[petiole] > 0).mean() > params.petiole_likeness:
+        return log_odds
+    distance = distance_inside(~petiole)
+    paper = (distance > 2 * network_px) & (distance <= params.petiole_paper * network_px)
+    paper &= distance_inside(~core) > 2 * network_px
+    own = fit_thing_colour(image, petiole, paper, network_px, params.colour)
+    if own is None:
+        return log_odds
+    # It begins inside the blade.
+    along = (distance <= network_px) | (core & (distance <= params.petiole_paper * network_px))
+    return np.where(along, np.maximum(log_odds, own), log_odds)
 
 
 def _add_petiole(
@@ -133,7 +171,7 @@ def _find_petiole(beyond: Mask, distance: FloatMap, reach: float, max_radius: fl
     Lines of a bold ruling do not end: they continue to where they are no longer followed, or to the border
     of the crop.
     """
-    beyond = beyond & ~_open_by_distance(beyond, max_radius)
+    beyond = beyond & ~open_by_distance(beyond, max_radius)
     _, labels, statistics, _ = cv2.connectedComponentsWithStats(beyond.astype(np.uint8))
     is_endless = beyond & (distance > reach - 2)
     is_endless[[0, -1]] = beyond[[0, -1]]
@@ -169,12 +207,6 @@ def _looks_like_paper(hole: NDArray[np.float32], colours: ColourModel, params: M
     shows_ruling = hole.std(axis=0).mean() >= params.hole_min_contrast * colours.paper_sd.mean()
     is_green = green > params.hole_max_green * np.sqrt(red * blue)
     return bool(shows_ruling and not is_green and green <= params.hole_max_brightness)
-
-
-def _open_by_distance(mask: Mask, radius: float) -> Mask:
-    """Return the parts of `mask`, bool [h, w], that a disc of `radius` pixels fits into."""
-    centres = distance_inside(mask) > radius
-    return distance_inside(~centres) <= radius if centres.any() else centres
 
 
 def _logit(probability: FloatMap) -> FloatMap:

@@ -36,3 +36,9 @@ def close_mask(mask: Mask, shape: NDArray[np.uint8]) -> Mask:
 def open_mask(mask: Mask, shape: NDArray[np.uint8]) -> Mask:
     """Return `mask`, bool [h, w], without parts that `shape` does not fit into."""
     return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, shape) > 0
+
+
+def open_by_distance(mask: Mask, radius: float) -> Mask:
+    """Return the parts of `mask`, bool [h, w], that a disc of `radius` pixels fits into."""
+    centres = distance_inside(mask) > radius
+    return distance_inside(~centres) <= radius if centres.any() else centres

@@ -123,6 +123,7 @@ class RulingEstimator:
         on_sheet = self._find_on_sheet(outlines, sheet, pyramid.overview)
         off_sheet = [outline for outline in outlines if outline not in on_sheet]
         on_sheet = self._add_margins(on_sheet, off_sheet, sheet, pyramid)
+        on_sheet = self._mask_estimator.add_petioles(on_sheet, pyramid)
         mask = paint_masks((outline.placed_mask for outline in on_sheet), pyramid.photo)
         counted, others = ([outline.polygon.outer for outline in part] for part in (on_sheet, off_sheet))
         uncounted = find_uncounted(pyramid, counted, others, sheet.outline, self.params.mask)
