@@ -36,8 +36,6 @@ class CloseLookParams:
     """A ruled sheet that is smaller is searched in a crop of its own."""
     max_looks: int = parameter(40, unit="crops", set_on="time on a phone")
     """Crops of one photo, overviews included."""
-    per_look: int = parameter(2, unit="leaves", set_on="a leaf fills half of its crop")
-    """Leaves that one crop adds at most."""
     haze_px: int = parameter(4, unit="network pixels", set_on="edges are about as wide")
     """Probability this near to a leaf belongs to it."""
 
@@ -75,6 +73,7 @@ def find_leaves(
     levels: list[tf.Tensor],
     size: tf.Tensor,
     overviews: tf.Tensor,
+    count: tf.Tensor,
     network: MaskNetwork,
     *,
     side: int,
@@ -82,14 +81,13 @@ def find_leaves(
 ) -> Found:
     """Return the leaves on a photo of `size` [2], (height, width), in the upper left corner of a frame.
 
-    `levels` are those of `make_levels` for crops of `side` pixels, which `network` takes. `overviews` [2, 4]
-    are boxes in which to search, in the second where the first shows nothing.
+    `levels` are those of `make_levels` for crops of `side` pixels, which `network` takes. The first `count` of
+    `overviews` [2, 4] are boxes in which to search, in the second where the first shows nothing.
     """
     detector = params.detector
     first_side = detector.first_crop_of_photo * tf.reduce_max(size)
-    count = overviews.shape[0]
-    queue = tf.concat([overviews, tf.zeros([count, 1])], 1)
-    queue = tf.pad(queue, [[0, _QUEUE - count], [0, 0]])
+    exist = tf.cast(tf.range(overviews.shape[0]) < count, tf.float32)[:, None]
+    queue = tf.pad(overviews * exist, [[0, _QUEUE - overviews.shape[0]], [0, 1]])
     leaves = [MAX_LEAVES]
     # Not a constant, which would be stored with all its zeros.
     zero = tf.cast(size[0] < 0, tf.float32)
@@ -108,7 +106,7 @@ def find_leaves(
         )
         square = fit_square(tf.where(is_overview, box, widen_box(box, wide)), size)
         image = cut_square(levels, square, side)
-        probability = _predict_both_ways(network, image)
+        probability = network(image[None])[0, ..., 0]
         threshold = tf.where(is_overview, detector.overview_probability, detector.leaf_probability)
         mask = tf.cast(probability >= threshold, tf.float32)
         components = find_components(mask)
@@ -131,17 +129,18 @@ def find_leaves(
         queue, tail = _append(queue, tail, following, goes_on, row[_ROUND] + 1, detector)
 
         def keep() -> Found:
-            kept, left = Found(*found), accepts
-            for _ in range(params.per_look):
-                leaf, index, is_any, left = _take_first(left, components, mask, probability, params)
+            def keep_next(left: tf.Tensor, *kept: tf.Tensor) -> tuple[tf.Tensor, ...]:
+                leaf, index, left = _take_first(left, components, mask, probability, params)
                 leaf = fill_gloss(leaf, image, params.refinement)
-                kept = _add(kept, leaf, tf.gather(boxes, index), square, is_any)
-            return kept
+                return left, *_add(Found(*kept), leaf, tf.gather(boxes, index), square)
+
+            start = (accepts, *found)
+            return Found(*tf.while_loop(lambda left, *_: tf.reduce_any(left), keep_next, start)[1:])
 
         kept = tf.cond(tf.reduce_any(accepts), keep, lambda: Found(*found))
         return turn + 1, tail, queue, *kept
 
-    start = (tf.constant(0), tf.constant(count), queue, *nothing)
+    start = (tf.constant(0), count, queue, *nothing)
     return Found(*tf.while_loop(is_waiting, look, start, maximum_iterations=params.max_looks)[3:])
 
 
@@ -174,12 +173,6 @@ def confirm_leaves(
     start = (tf.constant(1), tf.one_hot(0, MAX_LEAVES))
     _, flags = tf.while_loop(lambda turn, _: turn < count, confirm, start, maximum_iterations=MAX_LEAVES - 1)
     return flags > 0
-
-
-def _predict_both_ways(network: MaskNetwork, image: tf.Tensor) -> tf.Tensor:
-    """Return the mean probability [s, s] of `image` [s, s, 3] and its mirror image: two looks err less."""
-    probability = network(tf.stack([image, tf.reverse(image, [1])]))[..., 0]
-    return (probability[0] + tf.reverse(probability[1], [1])) / 2
 
 
 def _locate(
@@ -228,20 +221,20 @@ def _take_first(
     mask: tf.Tensor,
     probability: tf.Tensor,
     params: CloseLookParams,
-) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor]:
-    """Return the probability [s, s] of the first component that `accepts` [MOST], its index, whether there is
-    one, and which are left."""
+) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    """Return the probability [s, s] of the first component that `accepts` [MOST], its index, and which are
+    left."""
     index = tf.argmax(tf.cast(accepts, tf.int32), output_type=tf.int32)
     own = components.select(index, mask)
     leaf = tf.where(
         (grow_mask(own, 1) > 0) | (probability < params.detector.leaf_probability), probability, 0.0
     )
     left = accepts & (tf.range(MOST) != index)
-    return leaf * grow_mask(own, params.haze_px), index, tf.reduce_any(accepts), left
+    return leaf * grow_mask(own, params.haze_px), index, left
 
 
-def _add(found: Found, leaf: tf.Tensor, box: tf.Tensor, square: Square, is_any: tf.Tensor) -> Found:
-    """Return `found` with a `leaf` [s, s] in `square`, if there `is_any`."""
+def _add(found: Found, leaf: tf.Tensor, box: tf.Tensor, square: Square) -> Found:
+    """Return `found` with a `leaf` [s, s] in `square`."""
     pixel = square.side / leaf.shape[0]
     new = Found(
         area=tf.reduce_sum(tf.cast(leaf >= 0.5, tf.float32)) * pixel**2,
@@ -249,5 +242,4 @@ def _add(found: Found, leaf: tf.Tensor, box: tf.Tensor, square: Square, is_any: 
         box=box,
         leaf=leaf,
     )
-    moved = (tf.concat([value[None], old[:-1]], 0) for value, old in zip(new, found, strict=True))
-    return Found(*(tf.where(is_any, now, old) for now, old in zip(moved, found, strict=True)))
+    return Found(*(tf.concat([value[None], old[:-1]], 0) for value, old in zip(new, found, strict=True)))

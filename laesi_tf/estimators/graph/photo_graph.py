@@ -18,6 +18,7 @@ from laesi_tf.estimators.graph.close_looks import (
 )
 from laesi_tf.estimators.graph.components import find_ends
 from laesi_tf.estimators.graph.crops import make_levels
+from laesi_tf.estimators.graph.edge_refinement import FINE, refine_leaves
 from laesi_tf.estimators.graph.leaf_measures import (
     LeafMeasureParams,
     Sheet,
@@ -98,7 +99,8 @@ class PhotoGraph(tf.Module):
         phase_error = tf.where(is_fitted, reading.fit.phase_error, 0.0)
         pitch = tf.where(is_fitted & (grid_mm > 0), grid_mm, 1.0)
         sheet = Sheet(parameters, pitch, size)
-        found, counts = self._find_leaves(make_levels(photo, self._side), size, reading.votes.agreement)
+        levels = make_levels(photo, self._side)
+        found, counts = self._find_leaves(levels, size, reading.votes.agreement)
         on_sheet = measure_share_on(
             found, reading.votes.agreement, least=params.ruling.sheet_agreement, cell_px=CELL_PX
         )
@@ -111,6 +113,11 @@ class PhotoGraph(tf.Module):
         )
         found, is_leaf = put_first(found, counts & lies)
         is_measured = is_leaf & tf.equal(refusal, int(Refusal.NONE))
+        looks = self.params.looks
+        number = tf.reduce_sum(tf.cast(is_leaf, tf.int32))
+        found, expected_errors = refine_leaves(
+            levels, size, found, number, self._network, looks.detector, looks.refinement
+        )
         leaves = measure_leaves(found, sheet, self.params.measures)
         scale = tf.sqrt(1 / tf.maximum(sheet.mm2_per_px(leaves.middle), 1e-12))
         distance_mm = FOCAL * tf.reduce_max(size) / scale
@@ -125,8 +132,11 @@ class PhotoGraph(tf.Module):
         )
         area = leaves.area_mm2 * lift**2 / 100
         # As of LeafOutline.measure.
-        of_edge = params.mask.outline.edge_sd_mm * leaves.perimeter_mm
-        of_outline = (leaves.area_sd_mm2**2 + of_edge**2) * (lift**2 / 100) ** 2
+        outline, fine_mm2 = params.mask.outline, leaves.px_mm2 / FINE**2
+        of_errors = outline.error_sd * expected_errors * fine_mm2
+        of_pixels = outline.edge_sd_px * FINE * leaves.perimeter_px * fine_mm2
+        of_edge = outline.edge_sd_mm * leaves.perimeter_px * tf.sqrt(leaves.px_mm2)
+        of_outline = (of_errors**2 + of_pixels**2 + of_edge**2) * (lift**2 / 100) ** 2
         of_sheet = tf.where(is_fitted, params.sheet_variance(area, scale_error, distance_mm), 0.0)
         uncertainty = tf.sqrt(of_outline + of_sheet)
 
@@ -142,7 +152,7 @@ class PhotoGraph(tf.Module):
             "flags": tf.cast(is_leaf & leaves.is_cut_off, tf.int32) * CUT_OFF,
             "square": only(found.square, is_leaf[:, None]),
             "mask": tf.cast(tf.round(255 * only(found.leaf, is_leaf[:, None, None])), tf.uint8),
-            "count": tf.reduce_sum(tf.cast(is_leaf, tf.int32)),
+            "count": number,
             "beside": beside,
             "refusal": refusal,
             "note": tf.where(is_fitted, note_pitch(reading, grid_mm), 0),
@@ -160,15 +170,16 @@ class PhotoGraph(tf.Module):
     ) -> tuple[Found, tf.Tensor]:
         """Return what was found and which of it are leaves, bool [MAX_LEAVES]."""
         looks, options = self.params.looks, {"side": self._side}
-        overviews = self._choose_overviews(agreement, size)
-        found = find_leaves(levels, size, overviews, self._network, params=looks, **options)
+        overviews, count = self._choose_overviews(agreement, size)
+        found = find_leaves(levels, size, overviews, count, self._network, params=looks, **options)
         found, counts = put_first(*choose_distinct(found, looks.detector))
         count = tf.reduce_sum(tf.cast(counts, tf.int32))
         counts &= confirm_leaves(levels, size, found, count, self._network, params=looks.detector, **options)
         return found, choose_leaves(found, counts, self.params.estimator.mask.outline)
 
-    def _choose_overviews(self, agreement: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
-        """Return boxes [2, 4] in which to search: the photo, and the ruled sheet where it is much smaller.
+    def _choose_overviews(self, agreement: tf.Tensor, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+        """Return boxes [2, 4] in which to search, the photo and the ruled sheet, and how many are of use: the
+        second where it is much smaller.
 
         `agreement` [C, C] is that of the votes.
         """
@@ -179,7 +190,7 @@ class PhotoGraph(tf.Module):
         ruled = tf.maximum(tf.minimum(cells, tf.tile(tf.reverse(size, [0]), [2])), 0.0)
         side = tf.reduce_max(ruled[2:] - ruled[:2])
         is_useful = (side < self.params.looks.ruled_share * tf.reduce_max(size)) & (side > 2 * CELL_PX)
-        return tf.stack([whole, tf.where(is_useful, ruled, whole)])
+        return tf.stack([whole, ruled]), 1 + tf.cast(is_useful, tf.int32)
 
     def _rate_fit(self, reading: Any, is_fitted: tf.Tensor) -> tf.Tensor:
         """Return how well the printed lines follow the fit: 1 exactly, 0 as badly as is accepted."""
