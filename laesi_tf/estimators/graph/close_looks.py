@@ -72,26 +72,30 @@ def widen_box(box: tf.Tensor, side: tf.Tensor) -> tf.Tensor:
 def find_leaves(
     levels: list[tf.Tensor],
     size: tf.Tensor,
-    overviews: tf.Tensor,
+    boxes: tf.Tensor,
     count: tf.Tensor,
     network: MaskNetwork,
     *,
     side: int,
     params: CloseLookParams,
+    before: Found | None = None,
 ) -> Found:
     """Return the leaves on a photo of `size` [2], (height, width), in the upper left corner of a frame.
 
-    `levels` are those of `make_levels` for crops of `side` pixels, which `network` takes. The first `count` of
-    `overviews` [2, 4] are boxes in which to search, in the second where the first shows nothing.
+    `levels` are those of `make_levels` for crops of `side` pixels, which `network` takes. The first `count`
+    of `boxes` [N, 4] are overviews in which to search, in the second where the first shows nothing; with
+    leaves found `before`, they are those of what may be further ones.
     """
     detector = params.detector
     first_side = detector.first_crop_of_photo * tf.reduce_max(size)
-    exist = tf.cast(tf.range(overviews.shape[0]) < count, tf.float32)[:, None]
-    queue = tf.pad(overviews * exist, [[0, _QUEUE - overviews.shape[0]], [0, 1]])
-    leaves = [MAX_LEAVES]
-    # Not a constant, which would be stored with all its zeros.
-    zero = tf.cast(size[0] < 0, tf.float32)
-    nothing = Found(*(tf.fill(leaves + shape, zero) for shape in ([], [3], [4], [side, side])))
+    exist = tf.cast(tf.range(boxes.shape[0]) < count, tf.float32)[:, None]
+    first_round = 0.0 if before is None else 1.0
+    queue = tf.concat([boxes * exist, first_round * exist], 1)
+    queue = tf.pad(queue, [[0, _QUEUE - boxes.shape[0]], [0, 0]])
+    if before is None:
+        # Not a constant, which would be stored with all its zeros.
+        zero = tf.cast(size[0] < 0, tf.float32)
+        before = Found(*(tf.fill([MAX_LEAVES, *shape], zero) for shape in ([], [3], [4], [side, side])))
 
     def is_waiting(turn: tf.Tensor, tail: tf.Tensor, *_: tf.Tensor) -> tf.Tensor:
         return (turn < tail) & (turn < params.max_looks)
@@ -110,18 +114,17 @@ def find_leaves(
         threshold = tf.where(is_overview, detector.overview_probability, detector.leaf_probability)
         mask = tf.cast(probability >= threshold, tf.float32)
         components = find_components(mask)
-        boxes, is_inside, exists = _locate(components, square, size, side, detector)
-        length = tf.reduce_max(boxes[:, 2:] - boxes[:, :2], 1)
+        places, is_inside, exists = _locate(components, square, size, side, detector)
+        length = tf.reduce_max(places[:, 2:] - places[:, :2], 1)
         fill = length / square.side
-        places = tf.range(_QUEUE)
-        is_tried = (places < tail) & (queue[:, _ROUND] > 0.5)
-        overlap = tf.where(is_tried, measure_overlap(boxes, queue[:, _BOX]), 0.0)
+        is_tried = (tf.range(_QUEUE) < tail) & (queue[:, _ROUND] > 0.5)
+        overlap = tf.where(is_tried, measure_overlap(places, queue[:, _BOX]), 0.0)
         was_tried = tf.reduce_max(overlap, 1) > detector.duplicate_iou
         is_close = (fill >= detector.min_fill) & (fill <= detector.max_fill)
         is_large = exists & ~is_overview & (fill >= detector.negligible_fill)
         accepts = is_large & is_inside & (was_tried | is_close)
-        following = tf.where(is_inside[:, None], boxes, widen_box(boxes, detector.crop_side * length))
-        following = tf.where(is_overview, boxes, following)
+        following = tf.where(is_inside[:, None], places, widen_box(places, detector.crop_side * length))
+        following = tf.where(is_overview, places, following)
         # The second overview is for what the first one misses altogether.
         searches = exists & ((turn < 1) | tf.equal(tail, count))
         goes_on = tf.where(is_overview, searches, is_large & ~accepts)
@@ -132,7 +135,7 @@ def find_leaves(
             def keep_next(left: tf.Tensor, *kept: tf.Tensor) -> tuple[tf.Tensor, ...]:
                 leaf, index, left = _take_first(left, components, mask, probability, params)
                 leaf = fill_gloss(leaf, image, params.refinement)
-                return left, *_add(Found(*kept), leaf, tf.gather(boxes, index), square)
+                return left, *_add(Found(*kept), leaf, tf.gather(places, index), square)
 
             start = (accepts, *found)
             return Found(*tf.while_loop(lambda left, *_: tf.reduce_any(left), keep_next, start)[1:])
@@ -140,7 +143,7 @@ def find_leaves(
         kept = tf.cond(tf.reduce_any(accepts), keep, lambda: Found(*found))
         return turn + 1, tail, queue, *kept
 
-    start = (tf.constant(0), count, queue, *nothing)
+    start = (tf.constant(0), count, queue, *before)
     return Found(*tf.while_loop(is_waiting, look, start, maximum_iterations=params.max_looks)[3:])
 
 

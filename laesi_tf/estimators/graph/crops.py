@@ -102,12 +102,11 @@ def interpolate_square(levels: list[tf.Tensor], square: Square, side: int) -> tf
             first = tf.cast(tf.floor(place), tf.int32)
             parts.append((first, first + 1))
             shares.append(place - tf.floor(place))
-        rows = [tf.gather(image, row, axis=0) for row in parts[0]]
-        top, bottom = (
-            _mix(*(tf.cast(tf.gather(row, column, axis=1), tf.float32) for column in parts[1]), shares[1][:, None])
-            for row in rows
-        )
-        crops.append(_mix(top, bottom, shares[0][:, None, None]))
+        rows = []
+        for row in (tf.gather(image, row, axis=0) for row in parts[0]):
+            columns = (tf.cast(tf.gather(row, column, axis=1), tf.float32) for column in parts[1])
+            rows.append(_mix(*columns, shares[1][:, None]))
+        crops.append(_mix(*rows, shares[0][:, None, None]))
     result = crops[-1]
     for level in reversed(range(len(levels) - 1)):
         result = tf.where(chosen < level + 0.5, crops[level], result)
@@ -116,6 +115,16 @@ def interpolate_square(levels: list[tf.Tensor], square: Square, side: int) -> tf
 
 def _mix(first: tf.Tensor, second: tf.Tensor, share: tf.Tensor) -> tf.Tensor:
     return first + (second - first) * share
+
+
+def show_square(square: Square, side: int) -> tf.Tensor:
+    """Return 1, [side, side], where `square` shows the photo, else 0."""
+    centres = (tf.range(side, dtype=tf.float32) + 0.5) * (square.side / side)
+    columns, rows = (
+        tf.cast((place > square.shown[axis]) & (place < square.shown[axis + 2]), tf.float32)
+        for axis, place in enumerate((square.left + centres, square.top + centres))
+    )
+    return rows[:, None] * columns
 
 
 def _choose_level(square: Square, side: int) -> tuple[tf.Tensor, tf.Tensor]:

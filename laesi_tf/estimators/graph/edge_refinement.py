@@ -12,8 +12,10 @@ import tensorflow as tf
 from laesi_tf.estimators.colour_model import MIN_VARIANCE, PRIOR_WEIGHT, SHRINKAGE, ColourModelParams
 from laesi_tf.estimators.graph.close_looks import MAX_LEAVES, Found, MaskNetwork
 from laesi_tf.estimators.graph.components import grow_mask
-from laesi_tf.estimators.graph.crops import Square, cut_square, interpolate_square
+from laesi_tf.estimators.graph.crops import Square, cut_square, interpolate_square, show_square
+from laesi_tf.estimators.graph.surroundings import is_touched
 from laesi_tf.estimators.leaf_candidates import LeafDetectorParams
+from laesi_tf.estimators.leaf_outline import LeafOutlineParams
 from laesi_tf.estimators.mask_refinement import MaskRefinementParams
 from laesi_tf.estimators.ruling.least_squares import solve_normal
 
@@ -33,6 +35,8 @@ class Refined(NamedTuple):
     """Its `leaf` [L, s, s] is the share of each network pixel that is leaf."""
     expected_errors: tf.Tensor
     """[L], expected number of misclassified fine pixels."""
+    is_touched: tf.Tensor
+    """[L], whether something other than paper touches the leaf."""
 
 
 def refine_leaves(
@@ -42,12 +46,14 @@ def refine_leaves(
     count: tf.Tensor,
     network: MaskNetwork,
     params: LeafDetectorParams,
-    refinement: MaskRefinementParams,
+    outline: LeafOutlineParams,
 ) -> Refined:
-    """Refine the first `count` leaves on a photo of `size` [2] in a frame with `levels`, see `find_leaves`."""
+    """Refine the first `count` leaves on a photo of `size` [2], see `find_leaves`."""
     side = found.leaf.shape[1]
 
-    def refine(turn: tf.Tensor, leaves: tf.Tensor, errors: tf.Tensor) -> tuple[tf.Tensor, ...]:
+    def refine(
+        turn: tf.Tensor, leaves: tf.Tensor, errors: tf.Tensor, touched: tf.Tensor
+    ) -> tuple[tf.Tensor, ...]:
         left, top, wide = tf.unstack(tf.gather(found.square, turn))
         ends = tf.reverse(size, [0])
         corner = tf.stack([left, top])
@@ -55,34 +61,33 @@ def refine_leaves(
         square = Square(left, top, wide, shown)
         own = tf.gather(leaves, turn)
         # Of the mirrored crop, the network's errors are partly other ones.
-        mirrored = tf.reverse(cut_square(levels, square, side), [1])
-        again = tf.reverse(network(mirrored[None])[0, ..., 0], [1])
+        crop = cut_square(levels, square, side)
+        again = tf.reverse(network(tf.reverse(crop, [1])[None])[0, ..., 0], [1])
         near = grow_mask(tf.cast(own > 0, tf.float32), 1)
         probability = (own + again * near) / 2
+        shown_px = show_square(square, side)
         others = tf.cast(again >= params.overview_probability, tf.float32) * (1 - near)
         image = interpolate_square(levels[:FINE], square, FINE * side)
-        cover, error = refine_mask(image, probability, others, _show(square, side), refinement)
+        cover, error = refine_mask(image, probability, others, shown_px, outline.refinement)
+        mask = tf.cast(cover >= 0.5, tf.float32)
+        touches = is_touched(crop, mask, shown_px * (1 - others), outline.surroundings)
         here = tf.one_hot(turn, MAX_LEAVES)
         leaves = tf.where(here[:, None, None] > 0, cover, leaves)
-        return turn + 1, leaves, errors + here * error
+        return turn + 1, leaves, errors + here * error, touched + here * tf.cast(touches, tf.float32)
 
-    start = (tf.constant(0), found.leaf, tf.zeros([MAX_LEAVES]))
-    _, leaf, errors = tf.while_loop(lambda turn, *_: turn < count, refine, start, maximum_iterations=MAX_LEAVES)
-    return Refined(found._replace(leaf=leaf), errors)
-
-
-def _show(square: Square, side: int) -> tf.Tensor:
-    """Return 1, [side, side], where `square` shows the photo."""
-    centres = (tf.range(side, dtype=tf.float32) + 0.5) * (square.side / side)
-    columns, rows = (
-        tf.cast((place > square.shown[axis]) & (place < square.shown[axis + 2]), tf.float32)
-        for axis, place in enumerate((square.left + centres, square.top + centres))
+    start = (tf.constant(0), found.leaf, tf.zeros([MAX_LEAVES]), tf.zeros([MAX_LEAVES]))
+    _, leaf, errors, touched = tf.while_loop(
+        lambda turn, *_: turn < count, refine, start, maximum_iterations=MAX_LEAVES
     )
-    return rows[:, None] * columns
+    return Refined(found._replace(leaf=leaf), errors, touched > 0)
 
 
 def refine_mask(
-    image: tf.Tensor, probability: tf.Tensor, others: tf.Tensor, shown: tf.Tensor, params: MaskRefinementParams
+    image: tf.Tensor,
+    probability: tf.Tensor,
+    others: tf.Tensor,
+    shown: tf.Tensor,
+    params: MaskRefinementParams,
 ) -> tuple[tf.Tensor, tf.Tensor]:
     """Refine the mask of a leaf with `probability` [s, s] on `image` [FINE s, FINE s, 3].
 
@@ -162,10 +167,7 @@ def _fit_discriminant(
     paper_mean = bare_mean * (sum(shades) / len(shades))
     paper_squares = bare_squares * (sum(shade**2 for shade in shades) / len(shades))
     scatter = (
-        leaf_squares
-        - leaf_mean[:, None] * leaf_mean
-        + paper_squares
-        - paper_mean[:, None] * paper_mean
+        leaf_squares - leaf_mean[:, None] * leaf_mean + paper_squares - paper_mean[:, None] * paper_mean
     ) / 2
     identity = tf.eye(3)
     scatter += identity * (SHRINKAGE * tf.reduce_sum(scatter * identity) / 3 + MIN_VARIANCE)
