@@ -164,7 +164,7 @@ def _describe_photo() -> dict[str, Any]:
             "mask": "uint8 [16, s, s], probability of leaf x 255",
             "square": "float32 [16, 3], left, top and side of the mask in the frame, pixels",
             "flags": "int32 [16], bits: "
-            + f"{CUT_OFF} the photo's border cuts the leaf off, {TOUCHED} something other than paper touches it",
+            + f"{CUT_OFF} the photo's border cuts the leaf off, {TOUCHED} something not paper touches it",
             "refusal": "int32, see refusals; no areas unless 0",
             "note": "int32, see notes",
             "beside": "int32, possible leaves beside the ruled sheet, or parts of other things, not counted",

@@ -104,9 +104,9 @@ def interpolate_square(levels: list[tf.Tensor], square: Square, side: int) -> tf
             shares.append(place - tf.floor(place))
         rows = []
         for row in (tf.gather(image, row, axis=0) for row in parts[0]):
-            columns = (tf.cast(tf.gather(row, column, axis=1), tf.float32) for column in parts[1])
-            rows.append(_mix(*columns, shares[1][:, None]))
-        crops.append(_mix(*rows, shares[0][:, None, None]))
+            before, after = (tf.cast(tf.gather(row, column, axis=1), tf.float32) for column in parts[1])
+            rows.append(_mix(before, after, shares[1][:, None]))
+        crops.append(_mix(rows[0], rows[1], shares[0][:, None, None]))
     result = crops[-1]
     for level in reversed(range(len(levels) - 1)):
         result = tf.where(chosen < level + 0.5, crops[level], result)

@@ -89,9 +89,8 @@ def find_things(overview: Overview, painted: tf.Tensor, params: LeafColourParams
     least = tf.maximum(params.min_area_px * scale**2, params.min_area * median)
     components = find_components(marked)
     exist = components.count >= least
-    own = tf.cast(
-        tf.equal(components.labels, components.ids[:, None, None]) & exist[:, None, None], tf.float32
-    )
+    ids = tf.where(exist, components.ids, -1.0)
+    own = tf.cast(tf.equal(components.labels, ids[:, None, None]), tf.float32)
     own = tf.reshape(tf.tile(own[:, :, None, :, None], [1, 1, 2, 1, 2]), [MOST, side, side]) * marked
     pixel = square.side / side
     corner = tf.stack([square.left, square.top] * 2)

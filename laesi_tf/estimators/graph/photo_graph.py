@@ -110,7 +110,7 @@ class PhotoGraph(tf.Module):
         refined = refine_leaves(
             levels, size, found, number, self._network, self.params.looks.detector, params.mask.outline
         )
-        # Parts of pens and notes, which continue beyond their outlines, are leaves to the network in some crops.
+        # Parts of pens and notes look like leaves in some crops, but continue beyond their outlines.
         is_part = refined.is_touched & (tf.range(MAX_LEAVES) > 0)
         (found, expected_errors, is_touched), is_leaf = take_first(refined, is_leaf & ~is_part)
         number = tf.reduce_sum(tf.cast(is_leaf, tf.int32))

@@ -135,7 +135,7 @@ def is_touched(image: tf.Tensor, leaf: tf.Tensor, seen: tf.Tensor, params: Surro
 
 
 def find_median(values: tf.Tensor, mask: tf.Tensor) -> tf.Tensor:
-    """Return the median [C] of `values` [s, s, C] where `mask` [s, s] is 1, on every second row and column."""
+    """Return the median [C] of `values` [s, s, C] where `mask` [s, s] is 1, at every second pixel."""
     grid = (slice(None, None, _STRIDE),) * 2
     chosen = tf.reshape(mask[grid], [-1]) > 0
     columns = tf.transpose(tf.reshape(values[grid], [-1, values.shape[-1]]))
