@@ -54,17 +54,21 @@ def paint_leaves(overview: Overview, found: Found, counts: tf.Tensor) -> tf.Tens
     """Return 1, [L, s, s], where each of the leaves that `counts` [L] lies in the overview."""
     side = found.leaf.shape[1]
     centres = (np.arange(side, dtype=np.float32) + 0.5) / side * overview.square.side
-    wide = tf.maximum(found.square[:, 2:], 1e-3)
-    columns, rows = (
-        (low + centres - found.square[:, axis : axis + 1]) / wide * side
-        for axis, low in enumerate((overview.square.left, overview.square.top))
-    )
-    inside = [tf.cast((place >= 0) & (place < side), tf.float32) for place in (rows, columns)]
-    row, column = (tf.cast(tf.clip_by_value(place, 0.0, side - 1.0), tf.int32) for place in (rows, columns))
-    first = (tf.range(MAX_LEAVES) * side * side)[:, None, None]
-    there = tf.gather(tf.reshape(found.leaf, [-1]), first + row[:, :, None] * side + column[:, None])
-    there = tf.cast(there >= 0.5, tf.float32) * inside[0][:, :, None] * inside[1][:, None]
-    return there * tf.cast(counts, tf.float32)[:, None, None]
+
+    def paint(turn: tf.Tensor, painted: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+        left, top, wide = tf.unstack(tf.gather(found.square, turn))
+        leaf = tf.cast(tf.gather(found.leaf, turn) >= 0.5, tf.float32)
+        for axis, (low, start) in enumerate(((overview.square.top, top), (overview.square.left, left))):
+            place = (low + centres - start) / tf.maximum(wide, 1e-3) * side
+            inside = tf.cast((place >= 0) & (place < side), tf.float32)
+            nearest = tf.cast(tf.clip_by_value(place, 0.0, side - 1.0), tf.int32)
+            leaf = tf.gather(leaf, nearest, axis=axis) * (inside[:, None] if axis == 0 else inside)
+        counted = tf.one_hot(turn, MAX_LEAVES) * tf.cast(counts, tf.float32)
+        return turn + 1, painted + counted[:, None, None] * leaf
+
+    number = tf.reduce_sum(tf.cast(found.area > 0, tf.int32))
+    start = (tf.constant(0), tf.zeros_like(found.leaf))
+    return tf.while_loop(lambda turn, _: turn < number, paint, start, maximum_iterations=MAX_LEAVES)[1]
 
 
 def find_things(overview: Overview, painted: tf.Tensor, params: LeafColourParams) -> Things:

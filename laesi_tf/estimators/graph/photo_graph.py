@@ -121,12 +121,12 @@ class PhotoGraph(tf.Module):
         uncounted = tf.where(is_fitted, uncounted, 0)
         uncounted_share = tf.where(is_fitted, uncounted_px, 0.0) / tf.maximum(counted_px, 1.0)
         reasons = [
-            (~tf.equal(refusal, int(Refusal.NONE)), refusal),
             (tf.equal(number, 0) & (beside > 0), int(Refusal.NO_LEAF_ON_SHEET)),
             (tf.equal(number, 0), int(Refusal.NO_LEAF)),
             (uncounted_share > params.most_uncounted, int(Refusal.MOSTLY_UNCOUNTED)),
         ]
-        refusal = choose_first(reasons, Refusal.NONE)
+        is_read = tf.equal(refusal, int(Refusal.NONE))
+        refusal = tf.where(is_read, choose_first(reasons, Refusal.NONE), refusal)
         is_measured = is_leaf & tf.equal(refusal, int(Refusal.NONE))
         leaves = measure_leaves(found, sheet, self.params.measures)
         scale = tf.sqrt(1 / tf.maximum(sheet.mm2_per_px(leaves.middle), 1e-12))

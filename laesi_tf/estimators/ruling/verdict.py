@@ -88,11 +88,11 @@ def decide_refusal(
     return choose_first(reasons, Refusal.NONE)
 
 
-def choose_first(reasons: Sequence[tuple[tf.Tensor, tf.Tensor | int]], otherwise: int) -> tf.Tensor:
+def choose_first(reasons: Sequence[tuple[tf.Tensor, int]], otherwise: int) -> tf.Tensor:
     """Return the code of the first of `reasons`, (whether it applies, code), or `otherwise`; int32 scalar."""
     code = tf.constant(otherwise, tf.int32)
     for applies, reason in reversed(reasons):
-        code = tf.where(applies, tf.cast(reason, tf.int32), code)
+        code = tf.where(applies, tf.constant(reason, tf.int32), code)
     return code
 
 
