@@ -67,7 +67,9 @@ def paint_leaves(overview: Overview, found: Found, counts: tf.Tensor) -> tf.Tens
         return turn + 1, painted + counted[:, None, None] * leaf
 
     number = tf.reduce_sum(tf.cast(found.area > 0, tf.int32))
-    start = (tf.constant(0), tf.zeros_like(found.leaf))
+    # Not a constant, which would be stored with all its zeros.
+    nothing = tf.fill(found.leaf.shape, tf.cast(overview.square.side < 0, tf.float32))
+    start = (tf.constant(0), nothing)
     return tf.while_loop(lambda turn, _: turn < number, paint, start, maximum_iterations=MAX_LEAVES)[1]
 
 
