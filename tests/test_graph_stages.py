@@ -108,7 +108,7 @@ def test_a_disk_on_a_flat_sheet() -> None:
     size = tf.constant([900.0, 1200.0])
     sheet = Sheet(px_per_mm_to_sheet(tf.constant(5.0), size), tf.constant(1.0), size)
     found = make_found((soft_disk(40), (300.0, 200.0, 224.0)))
-    measures = measure_leaves(found, sheet, LeafMeasureParams(edge_level=0.5, edge_gain=1.0))
+    measures = measure_leaves(found, sheet, LeafMeasureParams())
     radius_mm = 40 * 2 / 5
     assert float(measures.area_mm2[0]) == pytest.approx(np.pi * radius_mm**2, rel=2e-3)
     assert float(measures.length_mm[0]) == pytest.approx(2 * radius_mm, rel=0.02)
@@ -124,7 +124,7 @@ def test_a_tilted_sheet_counts_each_pixel_by_what_it_covers() -> None:
     parameters = tf.constant([0.3, -0.2, 90, 5, -6, 88, 0.15, -0.1, 0.02, 0.05, 0, 0.003, 0, 0.002])
     sheet = Sheet(parameters, tf.constant(1.0), size)
     found = make_found((soft_disk(45), (500.0, 100.0, 400.0)))
-    measures = measure_leaves(found, sheet, LeafMeasureParams(edge_level=0.5, edge_gain=1.0))
+    measures = measure_leaves(found, sheet, LeafMeasureParams())
     centres = (np.arange(SIDE) + 0.5) * 400 / SIDE
     points = np.stack(np.meshgrid(500 + centres, 100 + centres), -1).astype(np.float32)
     expected = (sheet.mm2_per_px(tf.constant(points)).numpy() * soft_disk(45)).sum() * (400 / SIDE) ** 2

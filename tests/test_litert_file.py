@@ -60,7 +60,7 @@ def test_a_file_tells_what_it_is(area_file: Path, area_model: bytes) -> None:
     assert file.model == area_model
     assert file.metadata["kind"] == "area" and "cm2" in file.metadata["outputs"]["area_cm2"]
     codes = describe("photo", {})["refusals"]
-    assert codes["0"] == "none" and codes["1"] == "no_ruling" and len(codes) == 11
+    assert codes["0"] == "none" and codes["11"] == "mostly_uncounted" and len(codes) == 12
 
 
 def test_what_is_not_ours_is_refused_in_one_line(area_file: Path, area_model: bytes, tmp_path: Path) -> None:

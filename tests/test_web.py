@@ -72,7 +72,7 @@ def test_sentences_name_no_flags_and_every_hint_has_one() -> None:
     sentences = collect_sentences()
     texts = json.dumps(sentences, ensure_ascii=False)
     assert "--" not in texts and "manifest" not in texts
-    assert len(sentences["refusals"]) == 10 and len(sentences["hints"]) == len(HINTS)
+    assert len(sentences["refusals"]) == 11 and len(sentences["hints"]) == len(HINTS)
     assert all(len(text) < 70 for text in sentences["hints"].values())
 
 

@@ -10,11 +10,11 @@ from laesi_tf.common.arrays import FloatMap, Mask, RgbImage
 from laesi_tf.estimators.mask_shapes import distance_inside, make_disc
 from laesi_tf.estimators.parameters import parameter
 
-_PRIOR_WEIGHT = 0.02
+PRIOR_WEIGHT = 0.02
 """Weight of the mean over the whole crop in a local mean, so that it exists everywhere."""
-_MIN_VARIANCE = 4.0
+MIN_VARIANCE = 4.0
 """Variance in levels squared that is added to every channel: noise that the samples may not show."""
-_SHRINKAGE = 0.01
+SHRINKAGE = 0.01
 """Share of the mean variance that is added to every channel, which keeps the scatter invertible."""
 _ROUNDS = 3
 """Fits of a thin thing's colour, each on samples that the one before has chosen."""
@@ -165,7 +165,7 @@ def _fit_discriminant(
     """Return Fisher's discriminant [3], of unit length, from colours of paper [m, 3] to leaf [n, 3]."""
     leaf, paper = _subsample(leaf, max_samples), _subsample(paper, max_samples)
     scatter = (np.cov(leaf.T) + np.cov(paper.T)) / 2
-    scatter += np.eye(3) * (_SHRINKAGE * np.trace(scatter) / 3 + _MIN_VARIANCE)
+    scatter += np.eye(3) * (SHRINKAGE * np.trace(scatter) / 3 + MIN_VARIANCE)
     direction = np.linalg.solve(scatter, leaf.mean(axis=0) - paper.mean(axis=0))
     return (direction / (np.linalg.norm(direction) + 1e-9)).astype(np.float32)
 
@@ -178,6 +178,6 @@ def _subsample(colours: NDArray[np.float32], count: int) -> NDArray[np.float32]:
 def _local_mean(values: FloatMap, mask: Mask, window: int) -> FloatMap:
     """Return the mean of `values` [h, w] over the pixels of `mask` in a window around each pixel."""
     weight = mask.astype(np.float32)
-    count = cv2.blur(weight, (window, window)) + _PRIOR_WEIGHT
-    prior = _PRIOR_WEIGHT * float(values[mask].mean())
+    count = cv2.blur(weight, (window, window)) + PRIOR_WEIGHT
+    prior = PRIOR_WEIGHT * float(values[mask].mean())
     return (cv2.blur(values * weight, (window, window)) + prior) / count

@@ -13,7 +13,7 @@ from laesi_tf.common.arrays import Mask, RgbImage
 from laesi_tf.estimators.mask_shapes import distance_inside
 from laesi_tf.estimators.parameters import parameter
 
-_DARKEST_LEVEL = 4.0
+DARKEST_LEVEL = 4.0
 """Levels below it are noise, whose logarithms have no meaning."""
 
 
@@ -62,7 +62,7 @@ def is_touched(
     around = seen & (distance > params.touching_to * unit) & (distance <= params.around_to * unit)
     if min(np.count_nonzero(touching), np.count_nonzero(around)) < params.min_samples:
         return False
-    levels = np.log(np.maximum(colours / np.maximum(weight, 1 / 3)[..., None], _DARKEST_LEVEL))
+    levels = np.log(np.maximum(colours / np.maximum(weight, 1 / 3)[..., None], DARKEST_LEVEL))
     difference = levels[touching] - np.median(levels[around], axis=0)
     brightness = difference.mean(axis=1)
     tint = np.linalg.norm(difference - brightness[:, None], axis=1)

@@ -15,19 +15,27 @@ from laesi_tf.common.arrays import Points, RgbImage
 from laesi_tf.common.errors import InputError
 from laesi_tf.common.geometry import trace_polygons
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo, sort_in_reading_order
-from laesi_tf.estimators.leaf_outline import CUT_OFF, PlacedMask, paint_masks
+from laesi_tf.estimators.leaf_outline import CUT_OFF, TOUCHED, PlacedMask, paint_masks
 from laesi_tf.estimators.litert_file import LiteRtRunner, read_litert_file
 from laesi_tf.estimators.mask_estimator import NO_LEAF
 from laesi_tf.estimators.photo_pyramid import Crop, PhotoPyramid, put_in_frame
 from laesi_tf.estimators.ruling.codes import CUT_OFF as CUT_OFF_FLAG
+from laesi_tf.estimators.ruling.codes import TOUCHED as TOUCHED_FLAG
 from laesi_tf.estimators.ruling.codes import PitchNote, Refusal
 from laesi_tf.estimators.ruling.judge import NOTES, SENTENCES
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
-from laesi_tf.estimators.ruling_estimator import NO_LEAF_ON_SHEET, OFF_SHEET
+from laesi_tf.estimators.ruling_estimator import MOSTLY_UNCOUNTED, NO_LEAF_ON_SHEET, OFF_SHEET, UNCOUNTED
 
 METHOD = "LiteRT: ruling x silhouette"
 METHOD_KNOWN_SCALE = "LiteRT: silhouette x given scale"
 METHOD_AREA = "LiteRT: regression"
+_FLAGS = {CUT_OFF_FLAG: CUT_OFF, TOUCHED_FLAG: TOUCHED}
+_OF_LEAVES = {
+    Refusal.NO_LEAF: NO_LEAF,
+    Refusal.NO_LEAF_ON_SHEET: NO_LEAF_ON_SHEET,
+    Refusal.MOSTLY_UNCOUNTED: MOSTLY_UNCOUNTED,
+}
+"""What refusals say that are not of the ruling."""
 _OUTLINE_PX = 2
 """Pixels of the mask that is traced per pixel of the network."""
 
@@ -78,6 +86,8 @@ def _describe(
     notes = [NOTES[PitchNote(int(result["note"]))]] if result["note"] else []
     if refusal == Refusal.NONE and result["beside"] > 0:
         notes.append(OFF_SHEET.format(count=int(result["beside"])))
+    if refusal == Refusal.NONE and result["uncounted"] > 0:
+        notes.append(UNCOUNTED.format(count=int(result["uncounted"])))
     text = _explain(refusal, result, step, info)
     if text is None and not leaves:
         text = NO_LEAF
@@ -110,7 +120,7 @@ def _describe_leaf(
     return LeafMeasurement(
         outline=np.clip(outer, crop.origin, end),
         holes=tuple(holes),
-        note=CUT_OFF if result["flags"][index] & CUT_OFF_FLAG else None,
+        note="; ".join(note for flag, note in _FLAGS.items() if result["flags"][index] & flag) or None,
         **values,
     )
 
@@ -148,8 +158,8 @@ def _explain(refusal: Refusal, result: dict[str, NDArray[Any]], step: float, inf
     """Return the sentence of a refusal; None if there is none."""
     if refusal == Refusal.NONE:
         return None
-    if refusal in (Refusal.NO_LEAF, Refusal.NO_LEAF_ON_SHEET):
-        return NO_LEAF if refusal == Refusal.NO_LEAF else NO_LEAF_ON_SHEET
+    if refusal in _OF_LEAVES:
+        return _OF_LEAVES[refusal].format(times=float(result["uncounted_share"]))
     text = SENTENCES[refusal].format(period=float(result["period_px"]) * step, grid=info.grid_mm)
     return text if result["count"] else f"{NO_LEAF}; {text}"
 

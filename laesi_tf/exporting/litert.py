@@ -18,7 +18,7 @@ from laesi_tf.common.errors import InputError
 from laesi_tf.estimators.graph.guidance_graph import GuidanceGraph, Hint
 from laesi_tf.estimators.graph.guidance_measures import PART_PLACES, TILE_PX, VIEW_PX
 from laesi_tf.estimators.graph.photo_graph import GRID_NODES, PhotoGraph
-from laesi_tf.estimators.ruling.codes import CUT_OFF, PitchNote, Refusal
+from laesi_tf.estimators.ruling.codes import CUT_OFF, TOUCHED, PitchNote, Refusal
 from laesi_tf.estimators.ruling.ruling_graph import RulingGraph
 from laesi_tf.exporting.half_weights import halve_weights
 from laesi_tf.models.area_network import LARGEST_CM2, SMALLEST_CM2
@@ -163,10 +163,13 @@ def _describe_photo() -> dict[str, Any]:
             "leaf_px_per_mm": "float32 [16], scale at the leaf, pixels of the frame",
             "mask": "uint8 [16, s, s], probability of leaf x 255",
             "square": "float32 [16, 3], left, top and side of the mask in the frame, pixels",
-            "flags": "int32 [16], bits: " + f"{CUT_OFF} the photo's border cuts the leaf off",
+            "flags": "int32 [16], bits: "
+            + f"{CUT_OFF} the photo's border cuts the leaf off, {TOUCHED} something not paper touches it",
             "refusal": "int32, see refusals; no areas unless 0",
             "note": "int32, see notes",
-            "beside": "int32, possible leaves beside the ruled sheet, not counted",
+            "beside": "int32, possible leaves beside the ruled sheet, or parts of other things, not counted",
+            "uncounted": "int32, things on the sheet that have a leaf's colour, not counted",
+            "uncounted_share": "float32, their area over that of the leaves",
             "px_per_mm": "float32, scale at the largest leaf, pixels of the frame",
             "tilt_deg": "float32, between the camera's axis and the paper's normal",
             "confidence": "float32 0..1, how well the lines follow the fit",

@@ -36,8 +36,6 @@ class CloseLookParams:
     """A ruled sheet that is smaller is searched in a crop of its own."""
     max_looks: int = parameter(40, unit="crops", set_on="time on a phone")
     """Crops of one photo, overviews included."""
-    per_look: int = parameter(2, unit="leaves", set_on="a leaf fills half of its crop")
-    """Leaves that one crop adds at most."""
     haze_px: int = parameter(4, unit="network pixels", set_on="edges are about as wide")
     """Probability this near to a leaf belongs to it."""
 
@@ -74,26 +72,30 @@ def widen_box(box: tf.Tensor, side: tf.Tensor) -> tf.Tensor:
 def find_leaves(
     levels: list[tf.Tensor],
     size: tf.Tensor,
-    overviews: tf.Tensor,
+    boxes: tf.Tensor,
+    count: tf.Tensor,
     network: MaskNetwork,
     *,
     side: int,
     params: CloseLookParams,
+    before: Found | None = None,
 ) -> Found:
     """Return the leaves on a photo of `size` [2], (height, width), in the upper left corner of a frame.
 
-    `levels` are those of `make_levels` for crops of `side` pixels, which `network` takes. `overviews` [2, 4]
-    are boxes in which to search, in the second where the first shows nothing.
+    `levels` are those of `make_levels` for crops of `side` pixels, which `network` takes. The first `count`
+    of `boxes` [N, 4] are overviews in which to search, in the second where the first shows nothing; with
+    leaves found `before`, they are those of what may be further ones.
     """
     detector = params.detector
     first_side = detector.first_crop_of_photo * tf.reduce_max(size)
-    count = overviews.shape[0]
-    queue = tf.concat([overviews, tf.zeros([count, 1])], 1)
-    queue = tf.pad(queue, [[0, _QUEUE - count], [0, 0]])
-    leaves = [MAX_LEAVES]
-    # Not a constant, which would be stored with all its zeros.
-    zero = tf.cast(size[0] < 0, tf.float32)
-    nothing = Found(*(tf.fill(leaves + shape, zero) for shape in ([], [3], [4], [side, side])))
+    exist = tf.cast(tf.range(boxes.shape[0]) < count, tf.float32)[:, None]
+    first_round = 0.0 if before is None else 1.0
+    queue = tf.concat([boxes * exist, first_round * exist], 1)
+    queue = tf.pad(queue, [[0, _QUEUE - boxes.shape[0]], [0, 0]])
+    if before is None:
+        # Not a constant, which would be stored with all its zeros.
+        zero = tf.cast(size[0] < 0, tf.float32)
+        before = Found(*(tf.fill([MAX_LEAVES, *shape], zero) for shape in ([], [3], [4], [side, side])))
 
     def is_waiting(turn: tf.Tensor, tail: tf.Tensor, *_: tf.Tensor) -> tf.Tensor:
         return (turn < tail) & (turn < params.max_looks)
@@ -108,22 +110,21 @@ def find_leaves(
         )
         square = fit_square(tf.where(is_overview, box, widen_box(box, wide)), size)
         image = cut_square(levels, square, side)
-        probability = _predict_both_ways(network, image)
+        probability = network(image[None])[0, ..., 0]
         threshold = tf.where(is_overview, detector.overview_probability, detector.leaf_probability)
         mask = tf.cast(probability >= threshold, tf.float32)
         components = find_components(mask)
-        boxes, is_inside, exists = _locate(components, square, size, side, detector)
-        length = tf.reduce_max(boxes[:, 2:] - boxes[:, :2], 1)
+        places, is_inside, exists = _locate(components, square, size, side, detector)
+        length = tf.reduce_max(places[:, 2:] - places[:, :2], 1)
         fill = length / square.side
-        places = tf.range(_QUEUE)
-        is_tried = (places < tail) & (queue[:, _ROUND] > 0.5)
-        overlap = tf.where(is_tried, measure_overlap(boxes, queue[:, _BOX]), 0.0)
+        is_tried = (tf.range(_QUEUE) < tail) & (queue[:, _ROUND] > 0.5)
+        overlap = tf.where(is_tried, measure_overlap(places, queue[:, _BOX]), 0.0)
         was_tried = tf.reduce_max(overlap, 1) > detector.duplicate_iou
         is_close = (fill >= detector.min_fill) & (fill <= detector.max_fill)
         is_large = exists & ~is_overview & (fill >= detector.negligible_fill)
         accepts = is_large & is_inside & (was_tried | is_close)
-        following = tf.where(is_inside[:, None], boxes, widen_box(boxes, detector.crop_side * length))
-        following = tf.where(is_overview, boxes, following)
+        following = tf.where(is_inside[:, None], places, widen_box(places, detector.crop_side * length))
+        following = tf.where(is_overview, places, following)
         # The second overview is for what the first one misses altogether.
         searches = exists & ((turn < 1) | tf.equal(tail, count))
         goes_on = tf.where(is_overview, searches, is_large & ~accepts)
@@ -131,17 +132,18 @@ def find_leaves(
         queue, tail = _append(queue, tail, following, goes_on, row[_ROUND] + 1, detector)
 
         def keep() -> Found:
-            kept, left = Found(*found), accepts
-            for _ in range(params.per_look):
-                leaf, index, is_any, left = _take_first(left, components, mask, probability, params)
+            def keep_next(left: tf.Tensor, *kept: tf.Tensor) -> tuple[tf.Tensor, ...]:
+                leaf, index, left = _take_first(left, components, mask, probability, params)
                 leaf = fill_gloss(leaf, image, params.refinement)
-                kept = _add(kept, leaf, tf.gather(boxes, index), square, is_any)
-            return kept
+                return left, *_add(Found(*kept), leaf, tf.gather(places, index), square)
+
+            start = (accepts, *found)
+            return Found(*tf.while_loop(lambda left, *_: tf.reduce_any(left), keep_next, start)[1:])
 
         kept = tf.cond(tf.reduce_any(accepts), keep, lambda: Found(*found))
         return turn + 1, tail, queue, *kept
 
-    start = (tf.constant(0), tf.constant(count), queue, *nothing)
+    start = (tf.constant(0), count, queue, *before)
     return Found(*tf.while_loop(is_waiting, look, start, maximum_iterations=params.max_looks)[3:])
 
 
@@ -174,12 +176,6 @@ def confirm_leaves(
     start = (tf.constant(1), tf.one_hot(0, MAX_LEAVES))
     _, flags = tf.while_loop(lambda turn, _: turn < count, confirm, start, maximum_iterations=MAX_LEAVES - 1)
     return flags > 0
-
-
-def _predict_both_ways(network: MaskNetwork, image: tf.Tensor) -> tf.Tensor:
-    """Return the mean probability [s, s] of `image` [s, s, 3] and its mirror image: two looks err less."""
-    probability = network(tf.stack([image, tf.reverse(image, [1])]))[..., 0]
-    return (probability[0] + tf.reverse(probability[1], [1])) / 2
 
 
 def _locate(
@@ -228,20 +224,20 @@ def _take_first(
     mask: tf.Tensor,
     probability: tf.Tensor,
     params: CloseLookParams,
-) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor, tf.Tensor]:
-    """Return the probability [s, s] of the first component that `accepts` [MOST], its index, whether there is
-    one, and which are left."""
+) -> tuple[tf.Tensor, tf.Tensor, tf.Tensor]:
+    """Return the probability [s, s] of the first component that `accepts` [MOST], its index, and which are
+    left."""
     index = tf.argmax(tf.cast(accepts, tf.int32), output_type=tf.int32)
     own = components.select(index, mask)
     leaf = tf.where(
         (grow_mask(own, 1) > 0) | (probability < params.detector.leaf_probability), probability, 0.0
     )
     left = accepts & (tf.range(MOST) != index)
-    return leaf * grow_mask(own, params.haze_px), index, tf.reduce_any(accepts), left
+    return leaf * grow_mask(own, params.haze_px), index, left
 
 
-def _add(found: Found, leaf: tf.Tensor, box: tf.Tensor, square: Square, is_any: tf.Tensor) -> Found:
-    """Return `found` with a `leaf` [s, s] in `square`, if there `is_any`."""
+def _add(found: Found, leaf: tf.Tensor, box: tf.Tensor, square: Square) -> Found:
+    """Return `found` with a `leaf` [s, s] in `square`."""
     pixel = square.side / leaf.shape[0]
     new = Found(
         area=tf.reduce_sum(tf.cast(leaf >= 0.5, tf.float32)) * pixel**2,
@@ -249,5 +245,4 @@ def _add(found: Found, leaf: tf.Tensor, box: tf.Tensor, square: Square, is_any: 
         box=box,
         leaf=leaf,
     )
-    moved = (tf.concat([value[None], old[:-1]], 0) for value, old in zip(new, found, strict=True))
-    return Found(*(tf.where(is_any, now, old) for now, old in zip(moved, found, strict=True)))
+    return Found(*(tf.concat([value[None], old[:-1]], 0) for value, old in zip(new, found, strict=True)))

@@ -55,10 +55,7 @@ def cut_square(levels: list[tf.Tensor], square: Square, side: int) -> tf.Tensor:
     Padding has the median colour of the border of what is shown.
     """
     window = _window(side)
-    # At most two pixels of the level for one of the output.
-    level = tf.math.ceil(tf.math.log(square.side / (2 * side)) / tf.math.log(2.0))
-    level = tf.clip_by_value(level, 0.0, _LEVELS - 1.0)
-    scale = tf.pow(2.0, level)
+    level, scale = _choose_level(square, side)
     starts, matrices, inside = [], [], []
     for low, axis in ((square.top, 1), (square.left, 0)):
         start = tf.cast(tf.floor(low / scale), tf.int32) - 2
@@ -86,6 +83,56 @@ def cut_square(levels: list[tf.Tensor], square: Square, side: int) -> tf.Tensor:
     small = tf.transpose(tf.reshape(tf.matmul(matrices[1], turned), [side, side, 3]), [1, 0, 2])
     shown = inside[0][:, None] & inside[1]
     return tf.round(tf.where(shown[..., None], small, _find_border_colour(small, *inside)))
+
+
+def interpolate_square(levels: list[tf.Tensor], square: Square, side: int) -> tf.Tensor:
+    """Return the pixels, float32 [side, side, 3] of 0..255, of `square`, interpolated between those of the
+    level that is not much finer.
+
+    In a large crop, the products of `cut_square` would take long. What lies beyond the photo is not defined.
+    """
+    chosen, _ = _choose_level(square, side)
+    crops = []
+    for level, image in enumerate(levels):
+        last = image.shape[0] - 1
+        parts, shares = [], []
+        for low in (square.top, square.left):
+            places = low + (tf.range(side, dtype=tf.float32) + 0.5) * (square.side / side)
+            place = tf.clip_by_value(places / 2.0**level - 0.5, 0.0, last - 1e-3)
+            first = tf.cast(tf.floor(place), tf.int32)
+            parts.append((first, first + 1))
+            shares.append(place - tf.floor(place))
+        rows = []
+        for row in (tf.gather(image, row, axis=0) for row in parts[0]):
+            before, after = (tf.cast(tf.gather(row, column, axis=1), tf.float32) for column in parts[1])
+            rows.append(_mix(before, after, shares[1][:, None]))
+        crops.append(_mix(rows[0], rows[1], shares[0][:, None, None]))
+    result = crops[-1]
+    for level in reversed(range(len(levels) - 1)):
+        result = tf.where(chosen < level + 0.5, crops[level], result)
+    return result
+
+
+def _mix(first: tf.Tensor, second: tf.Tensor, share: tf.Tensor) -> tf.Tensor:
+    return first + (second - first) * share
+
+
+def show_square(square: Square, side: int) -> tf.Tensor:
+    """Return 1, [side, side], where `square` shows the photo, else 0."""
+    centres = (tf.range(side, dtype=tf.float32) + 0.5) * (square.side / side)
+    columns, rows = (
+        tf.cast((place > square.shown[axis]) & (place < square.shown[axis + 2]), tf.float32)
+        for axis, place in enumerate((square.left + centres, square.top + centres))
+    )
+    return rows[:, None] * columns
+
+
+def _choose_level(square: Square, side: int) -> tuple[tf.Tensor, tf.Tensor]:
+    """Return the level with at most two pixels for one of the output, as far as there is one, and the frame
+    pixels per pixel of it, float scalars."""
+    level = tf.math.ceil(tf.math.log(square.side / (2 * side)) / tf.math.log(2.0))
+    level = tf.clip_by_value(level, 0.0, _LEVELS - 1.0)
+    return level, tf.pow(2.0, level)
 
 
 def _window(side: int) -> int:

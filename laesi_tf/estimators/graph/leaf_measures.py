@@ -21,21 +21,10 @@ _BLOCK = 8
 _DIRECTIONS = 32
 
 
-_SET_ON = "every twelfth photo of semireal's train and rendered (split develop), 2026-11-29"
-
-
 @dataclass(frozen=True, kw_only=True)
 class LeafMeasureParams:
-    """Parameters of areas and their uncertainty."""
+    """Parameters of areas."""
 
-    edge_level: float = parameter(0.63, unit="probability", set_on=_SET_ON)
-    """A pixel with this probability is half leaf: the network draws outlines a little too wide."""
-    edge_gain: float = parameter(2.0, unit="1", set_on=_SET_ON)
-    """A pixel is leaf to the share 0.5 + gain x (probability - level), within 0 and 1."""
-    error_sd: float = parameter(0.6, unit="expected errors", set_on=_SET_ON)
-    """Standard deviation of the area per expected misclassified network pixel."""
-    edge_sd_px: float = parameter(0.04, unit="network pixels", set_on=_SET_ON)
-    """Standard deviation of the position of the whole outline."""
     border_px: float = parameter(1.0, unit="network pixels")
     """A leaf that comes so close to the photo's border is assumed to continue beyond it."""
 
@@ -73,10 +62,10 @@ class LeafMeasures(NamedTuple):
     """[MAX_LEAVES] each; for the places without a leaf without meaning."""
 
     area_mm2: tf.Tensor
-    area_sd_mm2: tf.Tensor
-    """Standard deviation of the area, of the network's outline alone."""
-    perimeter_mm: tf.Tensor
-    """Length of the outline."""
+    px_mm2: tf.Tensor
+    """Mean area of a network pixel."""
+    perimeter_px: tf.Tensor
+    """Length of the outline in network pixels."""
     length_mm: tf.Tensor
     width_mm: tf.Tensor
     middle: tf.Tensor
@@ -125,12 +114,10 @@ def _measure_cover(found: Found) -> tf.Tensor:
 
 
 def measure_leaves(found: Found, sheet: Sheet, params: LeafMeasureParams) -> LeafMeasures:
-    """Measure all leaves of `found` on `sheet`."""
+    """Measure all leaves of `found`, whose `leaf` is the share of each pixel that is leaf, on `sheet`."""
     side = found.leaf.shape[1]
     pixel = tf.maximum(found.square[:, 2], 1e-3)[:, None] / side
-    soft = tf.clip_by_value(0.5 + params.edge_gain * (found.leaf - params.edge_level), 0.0, 1.0)
-    soft *= tf.cast(found.leaf > 0, tf.float32)
-    blocks, points = _average_blocks(found, soft)
+    blocks, points = _average_blocks(found, found.leaf)
     area_px = sheet.mm2_per_px(points) * pixel[..., None] ** 2
     share = blocks * _BLOCK**2 * area_px
     area = tf.reduce_sum(share, [1, 2])
@@ -145,19 +132,14 @@ def measure_leaves(found: Found, sheet: Sheet, params: LeafMeasureParams) -> Lea
     turn = tf.atan2(2 * xy, xx - yy) / 2
     axis = tf.stack([tf.cos(turn), tf.sin(turn)], -1)
     along = _measure_extent(found, sheet, tf.stack([axis, tf.reverse(axis, [1]) * [-1.0, 1.0]], 1))
-    errors = tf.minimum(found.leaf, 1 - found.leaf)
-    slope = (
-        tf.abs(soft[:, 1:, :-1] - soft[:, :-1, :-1]) ** 2 + tf.abs(soft[:, :-1, 1:] - soft[:, :-1, :-1]) ** 2
-    )
-    perimeter = tf.reduce_sum(tf.sqrt(slope + 1e-12), [1, 2])
-    variance = (params.error_sd * tf.reduce_sum(errors, [1, 2])) ** 2 + (params.edge_sd_px * perimeter) ** 2
-    one_px = area / tf.maximum(tf.reduce_sum(soft, [1, 2]), 1e-9)
+    corner = found.leaf[:, :-1, :-1]
+    slope = (found.leaf[:, 1:, :-1] - corner) ** 2 + (found.leaf[:, :-1, 1:] - corner) ** 2
     margin = params.border_px * pixel
     is_cut_off = (found.box[:, :2] <= margin) | (found.box[:, 2:] >= tf.reverse(sheet.size, [0]) - margin)
     return LeafMeasures(
         area_mm2=area,
-        area_sd_mm2=tf.sqrt(variance) * one_px,
-        perimeter_mm=perimeter * tf.sqrt(one_px),
+        px_mm2=area / tf.maximum(tf.reduce_sum(found.leaf, [1, 2]), 1e-9),
+        perimeter_px=tf.reduce_sum(tf.sqrt(slope + 1e-12), [1, 2]),
         length_mm=along[:, 0],
         width_mm=along[:, 1],
         middle=middle,

@@ -9,28 +9,31 @@ import tensorflow as tf
 import tensorflow.experimental.numpy as tnp
 
 from laesi_tf.common.sheet_model import COUNT, FOCAL
-from laesi_tf.estimators.graph.close_looks import (
-    MAX_LEAVES,
-    CloseLookParams,
-    Found,
-    confirm_leaves,
-    find_leaves,
-)
+from laesi_tf.estimators.graph.close_looks import MAX_LEAVES, CloseLookParams
 from laesi_tf.estimators.graph.components import find_ends
 from laesi_tf.estimators.graph.crops import make_levels
+from laesi_tf.estimators.graph.edge_refinement import FINE, refine_leaves
 from laesi_tf.estimators.graph.leaf_measures import (
     LeafMeasureParams,
     Sheet,
-    choose_distinct,
     measure_leaves,
     measure_share_on,
 )
-from laesi_tf.estimators.graph.leaf_shapes import choose_leaves
+from laesi_tf.estimators.graph.leaf_search import (
+    Search,
+    count_uncounted,
+    put_first,
+    reaches_border,
+    search_leaves,
+    take_first,
+)
+from laesi_tf.estimators.graph.overview_colours import Overview, Things, make_overview, paint_leaves
+from laesi_tf.estimators.graph.surroundings import choose_on_sheet, measure_likeness
 from laesi_tf.estimators.ruling.camera_ops import measure_scale_error, measure_tilt
-from laesi_tf.estimators.ruling.codes import CUT_OFF, Refusal
+from laesi_tf.estimators.ruling.codes import CUT_OFF, TOUCHED, Refusal
 from laesi_tf.estimators.ruling.ruling_graph import RulingGraph
 from laesi_tf.estimators.ruling.stage import inline_stages
-from laesi_tf.estimators.ruling.verdict import decide_refusal, find_finest_period, note_pitch
+from laesi_tf.estimators.ruling.verdict import choose_first, decide_refusal, find_finest_period, note_pitch
 from laesi_tf.estimators.ruling_estimator import RulingEstimatorParams
 from laesi_tf.models.inference import freeze_network
 from laesi_tf.models.ruling_cells import CELL_PX, FRAME_PX
@@ -98,18 +101,32 @@ class PhotoGraph(tf.Module):
         phase_error = tf.where(is_fitted, reading.fit.phase_error, 0.0)
         pitch = tf.where(is_fitted & (grid_mm > 0), grid_mm, 1.0)
         sheet = Sheet(parameters, pitch, size)
-        found, counts = self._find_leaves(make_levels(photo, self._side), size, reading.votes.agreement)
-        on_sheet = measure_share_on(
-            found, reading.votes.agreement, least=params.ruling.sheet_agreement, cell_px=CELL_PX
+        levels = make_levels(photo, self._side)
+        overview = make_overview(levels, size, self._side)
+        search = self._search(levels, size, overview, reading.votes.agreement)
+        lies = self._find_on_sheet(overview, search, reading.votes.agreement, size) | ~is_fitted
+        found, is_leaf = put_first(search.found, search.counts & lies)
+        number = tf.reduce_sum(tf.cast(is_leaf, tf.int32))
+        refined = refine_leaves(
+            levels, size, found, number, self._network, self.params.looks.detector, params.mask.outline
         )
-        lies = (on_sheet >= params.on_sheet) | ~is_fitted
-        beside = tf.reduce_sum(tf.cast(counts & ~lies, tf.int32))
-        refusal = tf.where(
-            tf.equal(refusal, int(Refusal.NONE)) & ~tf.reduce_any(counts & lies),
-            tf.where(beside > 0, int(Refusal.NO_LEAF_ON_SHEET), int(Refusal.NO_LEAF)),
-            refusal,
-        )
-        found, is_leaf = put_first(found, counts & lies)
+        # Parts of pens and notes look like leaves in some crops, but continue beyond their outlines.
+        is_part = refined.is_touched & (tf.range(MAX_LEAVES) > 0)
+        (found, expected_errors, is_touched), is_leaf = take_first(refined, is_leaf & ~is_part)
+        number = tf.reduce_sum(tf.cast(is_leaf, tf.int32))
+        beside = tf.reduce_sum(tf.cast(search.counts, tf.int32)) - number
+        uncounted, uncounted_px = self._count_uncounted(search.things, reading.votes.agreement)
+        counted_px = tf.reduce_sum(tf.where(is_leaf, found.area, 0.0))
+        # Without a ruling nothing is known to lie on a sheet.
+        uncounted = tf.where(is_fitted, uncounted, 0)
+        uncounted_share = tf.where(is_fitted, uncounted_px, 0.0) / tf.maximum(counted_px, 1.0)
+        reasons = [
+            (tf.equal(number, 0) & (beside > 0), int(Refusal.NO_LEAF_ON_SHEET)),
+            (tf.equal(number, 0), int(Refusal.NO_LEAF)),
+            (uncounted_share > params.most_uncounted, int(Refusal.MOSTLY_UNCOUNTED)),
+        ]
+        is_read = tf.equal(refusal, int(Refusal.NONE))
+        refusal = tf.where(is_read, choose_first(reasons, Refusal.NONE), refusal)
         is_measured = is_leaf & tf.equal(refusal, int(Refusal.NONE))
         leaves = measure_leaves(found, sheet, self.params.measures)
         scale = tf.sqrt(1 / tf.maximum(sheet.mm2_per_px(leaves.middle), 1e-12))
@@ -125,8 +142,11 @@ class PhotoGraph(tf.Module):
         )
         area = leaves.area_mm2 * lift**2 / 100
         # As of LeafOutline.measure.
-        of_edge = params.mask.outline.edge_sd_mm * leaves.perimeter_mm
-        of_outline = (leaves.area_sd_mm2**2 + of_edge**2) * (lift**2 / 100) ** 2
+        outline, fine_mm2 = params.mask.outline, leaves.px_mm2 / FINE**2
+        of_errors = outline.error_sd * expected_errors * fine_mm2
+        of_pixels = outline.edge_sd_px * FINE * leaves.perimeter_px * fine_mm2
+        of_edge = outline.edge_sd_mm * leaves.perimeter_px * tf.sqrt(leaves.px_mm2)
+        of_outline = (of_errors**2 + of_pixels**2 + of_edge**2) * (lift**2 / 100) ** 2
         of_sheet = tf.where(is_fitted, params.sheet_variance(area, scale_error, distance_mm), 0.0)
         uncertainty = tf.sqrt(of_outline + of_sheet)
 
@@ -139,11 +159,14 @@ class PhotoGraph(tf.Module):
             "length_mm": only(leaves.length_mm * lift, is_measured),
             "width_mm": only(leaves.width_mm * lift, is_measured),
             "leaf_px_per_mm": only(scale, is_measured),
-            "flags": tf.cast(is_leaf & leaves.is_cut_off, tf.int32) * CUT_OFF,
+            "flags": tf.cast(is_leaf & leaves.is_cut_off, tf.int32) * CUT_OFF
+            + tf.cast(is_leaf & is_touched, tf.int32) * TOUCHED,
             "square": only(found.square, is_leaf[:, None]),
             "mask": tf.cast(tf.round(255 * only(found.leaf, is_leaf[:, None, None])), tf.uint8),
-            "count": tf.reduce_sum(tf.cast(is_leaf, tf.int32)),
+            "count": number,
             "beside": beside,
+            "uncounted": uncounted,
+            "uncounted_share": uncounted_share,
             "refusal": refusal,
             "note": tf.where(is_fitted, note_pitch(reading, grid_mm), 0),
             "px_per_mm": tf.gather(only(scale, is_measured), 0),
@@ -155,20 +178,51 @@ class PhotoGraph(tf.Module):
             "period_px": find_finest_period(reading),
         }
 
-    def _find_leaves(
-        self, levels: list[tf.Tensor], size: tf.Tensor, agreement: tf.Tensor
-    ) -> tuple[Found, tf.Tensor]:
-        """Return what was found and which of it are leaves, bool [MAX_LEAVES]."""
-        looks, options = self.params.looks, {"side": self._side}
-        overviews = self._choose_overviews(agreement, size)
-        found = find_leaves(levels, size, overviews, self._network, params=looks, **options)
-        found, counts = put_first(*choose_distinct(found, looks.detector))
-        count = tf.reduce_sum(tf.cast(counts, tf.int32))
-        counts &= confirm_leaves(levels, size, found, count, self._network, params=looks.detector, **options)
-        return found, choose_leaves(found, counts, self.params.estimator.mask.outline)
+    def _search(
+        self, levels: list[tf.Tensor], size: tf.Tensor, overview: Overview, agreement: tf.Tensor
+    ) -> Search:
+        """Return what is found on the photo, the largest leaves first."""
+        boxes, count = self._choose_overviews(agreement, size)
+        outline = self.params.estimator.mask.outline
+        search = search_leaves(
+            levels, size, boxes, count, self._network, overview, params=self.params.looks, outline=outline
+        )
+        found, counts = put_first(search.found, search.counts)
+        return search._replace(found=found, counts=counts)
 
-    def _choose_overviews(self, agreement: tf.Tensor, size: tf.Tensor) -> tf.Tensor:
-        """Return boxes [2, 4] in which to search: the photo, and the ruled sheet where it is much smaller.
+    def _find_on_sheet(
+        self, overview: Overview, search: Search, agreement: tf.Tensor, size: tf.Tensor
+    ) -> tf.Tensor:
+        """Return which of the leaves of a `search` lie on the sheet, bool [MAX_LEAVES]."""
+        params, found, counts = self.params.estimator, search.found, search.counts
+        least = params.ruling.sheet_agreement
+        painted = paint_leaves(overview, found, counts)
+        border = self.params.measures.border_px * found.square[:, 2:] / self._side
+        return choose_on_sheet(
+            counts,
+            measure_share_on(found, agreement, least=least, cell_px=CELL_PX),
+            measure_likeness(overview, painted, agreement > least, CELL_PX, params.sheet),
+            on_sheet=params.on_sheet,
+            is_cut_off=reaches_border(found.box, size, border),
+            params=params.sheet,
+        )
+
+    def _count_uncounted(self, things: Things, agreement: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+        """Return the number of `things` on the sheet that are none of the leaves, and their area."""
+        params = self.params.estimator
+        return count_uncounted(
+            things,
+            agreement,
+            least=params.ruling.sheet_agreement,
+            cell_px=CELL_PX,
+            on_sheet=params.on_sheet,
+            params=self.params.looks,
+            outline=params.mask.outline,
+        )
+
+    def _choose_overviews(self, agreement: tf.Tensor, size: tf.Tensor) -> tuple[tf.Tensor, tf.Tensor]:
+        """Return boxes [2, 4] in which to search, the photo and the ruled sheet, and how many are of use: the
+        second where it is much smaller.
 
         `agreement` [C, C] is that of the votes.
         """
@@ -179,18 +233,12 @@ class PhotoGraph(tf.Module):
         ruled = tf.maximum(tf.minimum(cells, tf.tile(tf.reverse(size, [0]), [2])), 0.0)
         side = tf.reduce_max(ruled[2:] - ruled[:2])
         is_useful = (side < self.params.looks.ruled_share * tf.reduce_max(size)) & (side > 2 * CELL_PX)
-        return tf.stack([whole, tf.where(is_useful, ruled, whole)])
+        return tf.stack([whole, ruled]), 1 + tf.cast(is_useful, tf.int32)
 
     def _rate_fit(self, reading: Any, is_fitted: tf.Tensor) -> tf.Tensor:
         """Return how well the printed lines follow the fit: 1 exactly, 0 as badly as is accepted."""
         worst = self.params.estimator.ruling.judge.worst_phase
         return tf.where(is_fitted, tf.maximum(0.0, 1 - reading.fit.phase_error / worst), 0.0)
-
-
-def put_first(found: Found, counts: tf.Tensor) -> tuple[Found, tf.Tensor]:
-    """Return the leaves that `counts` [L] before the others, by falling area, and which they are."""
-    scores, order = tf.math.top_k(tf.where(counts, found.area, 0.0), MAX_LEAVES)
-    return Found(*(tf.gather(part, order) for part in found)), scores > 0
 
 
 def place_nodes(size: tf.Tensor) -> tf.Tensor:

@@ -17,6 +17,7 @@ class Refusal(IntEnum):
     NAMED_UNCERTAIN = 8
     NO_LEAF = 9
     NO_LEAF_ON_SHEET = 10
+    MOSTLY_UNCOUNTED = 11
 
 
 class PitchNote(IntEnum):
@@ -33,3 +34,5 @@ HEAVIER_LEVELS = (2, 4, 5, 10)
 """Every which line may be heavier, in the order in which a verdict says whether it is."""
 CUT_OFF = 1
 """In the `flags` of a leaf: the photo's border cuts it off."""
+TOUCHED = 2
+"""The same: something other than paper touches it."""

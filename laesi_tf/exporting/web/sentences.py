@@ -3,11 +3,11 @@
 from typing import Any
 
 from laesi_tf.estimators.graph.guidance_graph import Hint
-from laesi_tf.estimators.leaf_outline import CUT_OFF
+from laesi_tf.estimators.leaf_outline import CUT_OFF, TOUCHED
 from laesi_tf.estimators.mask_estimator import NO_LEAF
 from laesi_tf.estimators.ruling.codes import Refusal
 from laesi_tf.estimators.ruling.judge import NOTES, SENTENCES
-from laesi_tf.estimators.ruling_estimator import NO_LEAF_ON_SHEET, OFF_SHEET
+from laesi_tf.estimators.ruling_estimator import MOSTLY_UNCOUNTED, NO_LEAF_ON_SHEET, OFF_SHEET, UNCOUNTED
 from laesi_tf.reporting.leaf_records import COLUMNS
 
 HINTS = {
@@ -37,14 +37,21 @@ MAX_MEGAPIXELS = 80
 
 def collect_sentences() -> dict[str, Any]:
     """Return what the page shows, by place; refusals and notes by their code in the graph's outputs."""
-    refusals = {Refusal.NO_LEAF: NO_LEAF, Refusal.NO_LEAF_ON_SHEET: NO_LEAF_ON_SHEET, **SENTENCES}
+    refusals = {
+        Refusal.NO_LEAF: NO_LEAF,
+        Refusal.NO_LEAF_ON_SHEET: NO_LEAF_ON_SHEET,
+        Refusal.MOSTLY_UNCOUNTED: MOSTLY_UNCOUNTED,
+        **SENTENCES,
+    }
     return {
         "refusals": {str(int(code)): replace_flags(text) for code, text in refusals.items()},
         "of_ruling": [int(code) for code in SENTENCES],
         "notes": {str(int(code)): replace_flags(text) for code, text in NOTES.items()},
         "no_leaf": NO_LEAF,
         "off_sheet": OFF_SHEET,
+        "uncounted": UNCOUNTED,
         "cut_off": CUT_OFF,
+        "touched": TOUCHED,
         "hints": {str(int(code)): text for code, text in HINTS.items()},
         "columns": COLUMNS,
         "limits": {"max_megapixels": MAX_MEGAPIXELS},

@@ -6,6 +6,7 @@ import { fill } from "./sentences.js";
 
 const NO_REFUSAL = 0;
 const CUT_OFF = 1;
+const TOUCHED = 2;
 const MASK_LEVEL = 127.5;
 const HEAVY = 10;
 
@@ -35,6 +36,7 @@ export function describeMeasurement(outputs, picture, gridMm, sentences) {
   const notes = [];
   if (outputs.note[0]) notes.push(sentences.notes[outputs.note[0]]);
   if (isMeasured && outputs.beside[0] > 0) notes.push(fill(sentences.off_sheet, { count: outputs.beside[0] }));
+  if (isMeasured && outputs.uncounted[0] > 0) notes.push(fill(sentences.uncounted, { count: outputs.uncounted[0] }));
   let text = explainRefusal(refusal, outputs, step, gridMm, sentences);
   if (text === null && leaves.length === 0) text = sentences.no_leaf;
   return {
@@ -48,7 +50,8 @@ export function describeMeasurement(outputs, picture, gridMm, sentences) {
 
 function explainRefusal(refusal, outputs, step, gridMm, sentences) {
   if (refusal === NO_REFUSAL) return null;
-  const text = fill(sentences.refusals[refusal], { period: outputs.period_px[0] * step, grid: gridMm });
+  const numbers = { period: outputs.period_px[0] * step, grid: gridMm, times: outputs.uncounted_share[0] };
+  const text = fill(sentences.refusals[refusal], numbers);
   const isOfRuling = sentences.of_ruling.includes(refusal);
   return isOfRuling && outputs.count[0] === 0 ? `${sentences.no_leaf}; ${text}` : text;
 }
@@ -56,7 +59,10 @@ function explainRefusal(refusal, outputs, step, gridMm, sentences) {
 function describeLeaf(outputs, index, picture, step, isMeasured, sentences) {
   const rings = traceMask(outputs, index, picture);
   if (rings.length === 0 || (isMeasured && !(outputs.area_cm2[index] > 0))) return null;
-  const leaf = { rings, note: outputs.flags[index] & CUT_OFF ? sentences.cut_off : null };
+  const leafNotes = [];
+  if (outputs.flags[index] & CUT_OFF) leafNotes.push(sentences.cut_off);
+  if (outputs.flags[index] & TOUCHED) leafNotes.push(sentences.touched);
+  const leaf = { rings, note: leafNotes.join("; ") || null };
   if (isMeasured) {
     for (const name of ["area_cm2", "uncertainty_cm2", "length_mm", "width_mm"]) leaf[name] = outputs[name][index];
     leaf.px_per_mm = outputs.leaf_px_per_mm[index] * step;
