@@ -43,7 +43,7 @@ class MaskRefinementParams:
     """Width of a petiole at most."""
     petiole_log_odds: float = parameter(3.5, unit="log-odds")
     """Log-odds of a petiole's colour at least."""
-    petiole_likeness: float = parameter(0.7, unit="share of its pixels", set_on=PETIOLE_SET)
+    petiole_likeness: float = parameter(0.5, unit="share of its pixels", set_on=PETIOLE_SET)
     """Where more of a petiole has the blade's colour, it has no colour of its own."""
     petiole_paper: float = parameter(6.0, unit="network pixels", set_on=PETIOLE_SET)
     """Paper up to this distance is beside it."""
