@@ -92,8 +92,11 @@ def build_graph(kind: str, mask_run: Run, ruling_run: Run, area_run: Run) -> tup
 
 def convert(graph: tuple[tf.Module, Any], variant: str, calibration: Calibration = ()) -> bytes:
     """Convert the result of `build_graph` to a variant; int8 needs `calibration`."""
-    module, function = graph
-    converter = tf.lite.TFLiteConverter.from_concrete_functions([function], module)
+    # The weights are constants. Of a module, the converter would trace each function once more.
+    _, function = graph
+    converter = tf.lite.TFLiteConverter.from_concrete_functions([function], tf.Module())
+    # A hash of the file in the file, for which Python takes the whole graph apart twice.
+    converter.exclude_conversion_metadata = True
     if variant == "float16":
         return halve_weights(bytes(converter.convert()))
     if variant != "float32":
