@@ -29,7 +29,13 @@ class ReducedPhoto:
         camera, mask = measured.camera, measured.mask
         if camera is not None:
             x, y = small.pixel_size
-            camera = dataclasses.replace(camera, step=(camera.step[0] * float(x), camera.step[1] * float(y)))
+            step_x, step_y = camera.step
+            left, top = camera.origin
+            camera = dataclasses.replace(
+                camera,
+                step=(step_x * float(x), step_y * float(y)),
+                origin=(left * float(x), top * float(y)),
+            )
         if mask is not None:
             size = image.shape[1], image.shape[0]
             mask = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0

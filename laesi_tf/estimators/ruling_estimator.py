@@ -17,6 +17,7 @@ import numpy as np
 from laesi_tf.common.arrays import Mask, RgbImage
 from laesi_tf.estimators.area_estimator import AreaEstimator
 from laesi_tf.estimators.base import UNKNOWN, LeafMeasurement, Measurement, PhotoInfo
+from laesi_tf.estimators.closer_reading import CloserReadingParams, read_around_largest
 from laesi_tf.estimators.hidden_margin import HiddenMarginParams, add_hidden_margin
 from laesi_tf.estimators.leaf_outline import UNCERTAINTY_SET, LeafOutline, paint_masks
 from laesi_tf.estimators.mask_estimator import NO_LEAF, MaskEstimator, MaskEstimatorParams
@@ -51,6 +52,7 @@ class RulingEstimatorParams:
 
     mask: MaskEstimatorParams = field(default_factory=MaskEstimatorParams)
     ruling: RulingReaderParams = field(default_factory=RulingReaderParams)
+    closer: CloserReadingParams = field(default_factory=CloserReadingParams)
     sheet: SheetColourParams = field(default_factory=SheetColourParams)
     margin: HiddenMarginParams = field(default_factory=HiddenMarginParams)
     on_sheet: float = parameter(
@@ -118,9 +120,15 @@ class RulingEstimator:
             candidates = self._mask_estimator.detect_leaves(pyramid)
             outlines = self._mask_estimator.outline_leaves(candidates, pyramid)
             sheet = reading_sheet.result()
+        on_sheet = self._find_on_sheet(outlines, sheet, pyramid.overview)
+        if not on_sheet:
+            closer = read_around_largest(
+                self._sheet_reader, outlines, sheet, pyramid, info.grid_mm, self.params.closer
+            )
+            if closer is not None:
+                sheet, on_sheet = closer, self._find_on_sheet(outlines, closer, pyramid.overview)
         if sheet.camera is None:
             return self._measure_without_ruling(outlines, sheet, pyramid)
-        on_sheet = self._find_on_sheet(outlines, sheet, pyramid.overview)
         off_sheet = [outline for outline in outlines if outline not in on_sheet]
         on_sheet = self._add_margins(on_sheet, off_sheet, sheet, pyramid)
         on_sheet = self._mask_estimator.add_petioles(on_sheet, pyramid)
@@ -159,12 +167,15 @@ class RulingEstimator:
     def _find_on_sheet(
         self, outlines: list[LeafOutline], sheet: SheetReading, overview: Crop
     ) -> list[LeafOutline]:
-        """Return the leaves that lie on the sheet: none if the largest lies on something else within it."""
+        """Return the leaves that lie on the sheet: none if none was read, or if the largest lies on something
+        else within it."""
         ruled_part = sheet.outline
+        if sheet.camera is None:
+            return []
         if ruled_part is None or sheet.ruled_cells is None:
             return outlines
         params, leaves = self.params, [outline.polygon.outer for outline in outlines]
-        colour = SheetColour(overview, sheet.ruled_cells, leaves, params.sheet)
+        colour = SheetColour(overview, sheet.ruled_cells, leaves, params.sheet, sheet.part)
         on_sheet: list[LeafOutline] = []
         for outline in sorted(outlines, key=lambda outline: -outline.area_px):
             leaf = outline.polygon.outer
@@ -172,6 +183,8 @@ class RulingEstimator:
             shared, _ = cv2.intersectConvexConvex(hull, ruled_part.astype(np.float32))
             is_within = shared >= params.on_sheet * cv2.contourArea(hull)
             likeness = colour.measure_likeness(leaf)
+            if is_within and not (on_sheet or sheet.proves_millimetres) and colour.is_mostly_other(leaf):
+                return []
             if is_within and not likeness < params.sheet.least_share_within:
                 on_sheet.append(outline)
             elif is_within and not on_sheet:

@@ -44,47 +44,84 @@ class SheetColourParams:
         "right, 0.08 around a scrap of paper on checked cloth that was read as ruling; 2026-11-30",
     )
     """So much of what surrounds a leaf within the ruled part has the sheet's colour if it is the sheet."""
+    least_alike: float = parameter(
+        0.25,
+        unit="share of the ruled part",
+        set_on="rendered (split develop), semi-real (val), cases, phone scenes of seeds 81, 82 and 90: at "
+        "least 0.33 where the scale is right, at most 0.12 where cloth or mesh was read; 2026-12-01",
+    )
+    """So much of the ruled part has the colour of what surrounds a leaf, if the ruling is of its sheet."""
+    max_shade_apart: float = parameter(1.0, unit="ln", set_on=_SET_ON)
+    """Largest difference of the lightness across the sheet."""
 
 
 class SheetColour:
     """The colours of a photo with a ruled sheet."""
 
     def __init__(
-        self, overview: Crop, ruled_cells: Mask, leaves: Sequence[Points], params: SheetColourParams
+        self,
+        overview: Crop,
+        ruled_cells: Mask,
+        leaves: Sequence[Points],
+        params: SheetColourParams,
+        part: Crop | None = None,
     ) -> None:
-        """Take a photo's overview, its cells that show the ruling, and the outlines of all leaves.
+        """Take a photo's overview, the cells that show the ruling, and the outlines of all leaves.
 
-        Cells are bool [C, C], of CELL_PX pixels of the overview; outlines [n, 2] are in photo pixels.
+        Cells are bool [C, C], of CELL_PX pixels of `part`, which is the overview where none is given;
+        outlines [n, 2] are in photo pixels.
         """
         self._params = params
         self._small = shrink(overview, params.side_px)
         mean = cv2.blur(self._small.image, (params.window_px, params.window_px))
         self._lab = cv2.cvtColor(mean.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
-        rows, columns = (
-            (np.arange(side) * whole // (side * CELL_PX))
-            for side, whole in zip(self._small.size, overview.size, strict=True)
-        )
         self._is_bare = distance_inside(self._small.paint(leaves) == 0) > params.ring_px[0]
         # Cells at the border of the ruling show some of what lies beside it.
         inner = cv2.erode(ruled_cells.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        self._is_sheet = inner[np.ix_(rows, columns)] & self._is_bare
+        self._is_sheet = _sample(inner, part or overview, self._small) & self._is_bare
 
     def measure_likeness(self, leaf: Points) -> float:
         """Return the share of what surrounds a leaf that has the colour of the sheet beside it.
 
         `leaf` [n, 2] is its outline in photo pixels. NaN where too little is seen of either.
         """
-        params, lab = self._params, self._lab
-        painted, is_sheet, farthest = self._small.paint([leaf]), self._is_sheet, params.ring_px[1]
-        distance = distance_inside(painted == 0)
-        is_near = is_sheet & (distance < params.near * np.sqrt(np.count_nonzero(painted)) + farthest)
-        ring = self._is_bare & (distance <= farthest)
-        if not ring.any() or not is_sheet.any():
+        params, is_sheet = self._params, self._is_sheet
+        distance, side = self._measure_distance(leaf)
+        is_near = is_sheet & (distance < params.near * side + params.ring_px[1])
+        ring = self._is_bare & (distance <= params.ring_px[1])
+        return self._measure_share(ring, is_near if is_near.any() else is_sheet, params.max_shade)
+
+    def is_mostly_other(self, leaf: Points) -> bool:
+        """Return whether most of the ruled part has another colour than what surrounds a leaf, outline
+        [n, 2] in photo pixels: cloth or mesh whose pattern was read beside the leaf's own paper."""
+        ring = self._is_bare & (self._measure_distance(leaf)[0] <= self._params.ring_px[1])
+        share = self._measure_share(self._is_sheet, ring, self._params.max_shade_apart)
+        return share < self._params.least_alike
+
+    def _measure_distance(self, leaf: Points) -> tuple[FloatMap, float]:
+        """Return the distance [h, w] from a leaf, and the square root of its area."""
+        painted = self._small.paint([leaf])
+        return distance_inside(painted == 0), math.sqrt(np.count_nonzero(painted))
+
+    def _measure_share(self, part: Mask, other: Mask, max_shade: float) -> float:
+        """Return the share of `part` that has the median colour of `other`; NaN where either is empty."""
+        if not part.any() or not other.any():
             return math.nan
-        expected = np.median(lab[is_near if is_near.any() else is_sheet], axis=0)
-        tint = np.abs(lab[ring, 1:] - expected[1:]).max(axis=1)
-        shade = np.abs(np.log(np.maximum(lab[ring, 0], 1) / max(expected[0], 1)))
-        return float(((tint < params.max_tint) & (shade < params.max_shade)).mean())
+        expected = np.median(self._lab[other], axis=0)
+        tint = np.abs(self._lab[part, 1:] - expected[1:]).max(axis=1)
+        shade = np.abs(np.log(np.maximum(self._lab[part, 0], 1) / max(expected[0], 1)))
+        return float(((tint < self._params.max_tint) & (shade < max_shade)).mean())
+
+
+def _sample(cells: Mask, part: Crop, crop: Crop) -> Mask:
+    """Return `cells`, bool [C, C], of CELL_PX pixels of `part`, at the pixels of `crop`; False beside it."""
+    # From a pixel of `crop` to cells: as one affine map, whose nearest neighbours OpenCV takes.
+    step = crop.pixel_size / (part.pixel_size * CELL_PX)
+    start = part.from_photo(crop.to_photo(np.full(2, 0.5))) / CELL_PX - 0.5
+    to_cells = np.array([[step[0], 0, start[0]], [0, step[1], start[1]]])
+    flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    width, height = crop.size.width, crop.size.height
+    return cv2.warpAffine(cells.astype(np.uint8), to_cells, (width, height), flags=flags) > 0
 
 
 def compare_with_paper(image: RgbImage, paper: Mask) -> tuple[FloatMap, FloatMap]:

@@ -12,8 +12,9 @@ import numpy as np
 from laesi_tf.common.sheet_model import COUNT, FOCAL, SheetModel, line_density
 from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
 
-_FOCALS = 0.5, 3.0
-"""Focal lengths that are believed: an ultra-wide camera, and a photo cropped to a quarter."""
+_FOCALS = 0.5 / FOCAL, 3.0 / FOCAL
+"""Focal lengths that are believed, of the expected one: an ultra-wide camera, and a photo cropped to a
+quarter."""
 
 
 def unpack_sheet(parameters: Any) -> SheetModel:
@@ -60,13 +61,14 @@ def measure_scale_error(
     return xp.sqrt(of_fit + (params.waviness * phase_error) ** 2 + params.floor**2)
 
 
-def measure_tilt(parameters: Any, xp: Any) -> Any:
+def measure_tilt(parameters: Any, xp: Any, focal: float = FOCAL) -> Any:
     """Return the angle in degrees between the camera's axis and the paper's normal at the photo's middle.
 
-    `parameters` are [COUNT]. Assumes square pixels and the principal point in the middle. There the scales
-    across and along the tilt are as 1 to cos(tilt), and the scale's relative change per pixel is tan(tilt)
-    over the focal length. Where both together say a focal length that cameras have, the ratio is taken; else
-    the change and a typical focal length.
+    `parameters` are [COUNT]; `focal` is the expected focal length in units of the photo's longer side.
+    Assumes square pixels and the principal point in the middle. There the scales across and along the tilt
+    are as 1 to cos(tilt), and the scale's relative change per pixel is tan(tilt) over the focal length. Where
+    both together say a focal length that cameras have, the ratio is taken; else the change and the expected
+    focal length.
     """
     sheet = unpack_sheet(parameters)
     # Singular values of a matrix of two rows: from the sum and the product of their squares.
@@ -76,7 +78,7 @@ def measure_tilt(parameters: Any, xp: Any) -> Any:
     # The ratio of the smaller to the larger is the product over the square of the larger.
     cosine = xp.minimum(2 * product / (total + spread), xp.ones_like(total))
     sine = xp.sqrt(1 - cosine**2)
-    change = xp.sqrt(sheet.tilt_x**2 + sheet.tilt_y**2) * 2
+    change = xp.sqrt(sheet.tilt_x**2 + sheet.tilt_y**2) * (2 * focal)
     is_camera = (_FOCALS[0] * change * cosine <= sine) & (sine <= _FOCALS[1] * change * cosine)
-    by_ratio, by_change = xp.arctan2(sine, cosine), xp.arctan2(FOCAL * change, xp.ones_like(change))
+    by_ratio, by_change = xp.arctan2(sine, cosine), xp.arctan2(change, xp.ones_like(change))
     return xp.where(is_camera, by_ratio, by_change) * (180 / np.pi)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from laesi_tf.common.arrays import Mask, Points
+from laesi_tf.estimators.photo_pyramid import Crop
 from laesi_tf.estimators.ruling.codes import HEAVIER_LEVELS, PitchNote, Refusal
 from laesi_tf.estimators.ruling.scale_error import ScaleErrorParams
 from laesi_tf.estimators.ruling.sheet_camera import SheetCamera
@@ -52,8 +53,10 @@ class SheetReading:
     """Which lines are heavier: '1-5-10', '1-10', '1-5', '1-4', '1-2' or '1', in finest lines."""
     outline: Points | None = None
     """Convex outline [N, 2] of the ruled sheet as far as the photo shows it, photo pixels."""
+    part: Crop | None = None
+    """What was looked at: the photo's overview, or a part of it."""
     ruled_cells: Mask | None = None
-    """bool [C, C], cells of CELL_PX pixels of the overview that show the ruling."""
+    """bool [C, C], cells of CELL_PX pixels of `part` that show the ruling."""
 
     @property
     def proves_millimetres(self) -> bool:

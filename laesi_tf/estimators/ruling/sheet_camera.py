@@ -28,7 +28,7 @@ class SheetCamera:
     covariance: np.ndarray
     """[14, 14]."""
     size: tuple[int, int]
-    """Height and width, in frame pixels, of the photo as it was fitted."""
+    """Height and width, in frame pixels, of the photo, or the part of it, as it was fitted."""
     step: tuple[float, float] = (1.0, 1.0)
     """Photo pixels per frame pixel, (x, y)."""
     pitch_mm: float = 1.0
@@ -36,6 +36,10 @@ class SheetCamera:
     phase_error: float = 0.0
     """Median distance of the printed lines from the fit, periods."""
     error_params: ScaleErrorParams = field(default_factory=ScaleErrorParams)
+    origin: tuple[float, float] = (0.0, 0.0)
+    """Upper left corner (x, y) of the fitted part, photo pixels."""
+    focal: float = FOCAL
+    """Focal length in units of the fitted part's longer side."""
 
     def to_sheet(self, points: np.ndarray) -> np.ndarray:
         """Return the sheet millimetres [..., 2] of photo `points` [..., 2]."""
@@ -53,7 +57,7 @@ class SheetCamera:
             if np.abs(change).max(initial=0.0) < _CONVERGED:
                 break
         unit, middle = self._frame()
-        return (place * unit + middle) * self.step
+        return (place * unit + middle) * self.step + self.origin
 
     def mm2_per_px(self, points: np.ndarray) -> np.ndarray:
         """Return the square millimetres of the sheet under a pixel at photo `points` [..., 2]."""
@@ -69,7 +73,7 @@ class SheetCamera:
 
     def distance_mm(self, point: np.ndarray) -> float:
         """Return the camera's distance from the sheet at a photo `point` [2], with a typical focal length."""
-        focal_px = FOCAL * max(self.size) * math.sqrt(self.step[0] * self.step[1])
+        focal_px = self.focal * max(self.size) * math.sqrt(self.step[0] * self.step[1])
         return focal_px / self.px_per_mm(point)
 
     def scale_error(self, point: np.ndarray) -> float:
@@ -82,9 +86,9 @@ class SheetCamera:
         )
 
     def tilt_deg(self) -> float:
-        """Return the angle in degrees between the camera's axis and the paper's normal at the photo's
-        middle, see `measure_tilt`."""
-        return float(measure_tilt(self.parameters, np))
+        """Return the angle in degrees between the line of sight and the paper's normal at the middle of the
+        fitted part, see `measure_tilt`."""
+        return float(measure_tilt(self.parameters, np, self.focal))
 
     def _frame(self) -> tuple[float, np.ndarray]:
         height, width = self.size
@@ -92,7 +96,7 @@ class SheetCamera:
 
     def _normalise(self, points: np.ndarray) -> np.ndarray:
         unit, middle = self._frame()
-        return (np.asarray(points, float) / self.step - middle) / unit
+        return ((np.asarray(points, float) - self.origin) / self.step - middle) / unit
 
     @staticmethod
     def _lines(parameters: np.ndarray, place: np.ndarray) -> np.ndarray:

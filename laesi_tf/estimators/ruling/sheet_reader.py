@@ -70,14 +70,15 @@ class SheetReader:
         changed._stages = self._stages.with_params(params)
         return changed
 
-    def read(self, overview: Crop, *, grid_mm: float | None) -> SheetReading:
-        """Read the ruling of a photo in its `overview`, of at most FRAME_PX pixels.
+    def read(self, part: Crop, *, grid_mm: float | None) -> SheetReading:
+        """Read the ruling of a photo in its overview or another `part`, of at most FRAME_PX pixels.
 
-        `grid_mm` is the distance of the finest lines where the user names it. The camera maps photo pixels.
+        `grid_mm` is the distance of the finest lines where the user names it. The camera maps photo pixels;
+        its focal length is that of a photo of which `part` shows the whole.
         """
-        height, width = overview.size
-        verdict = self._read_frame(put_in_frame(overview.image), (height, width), grid_mm)
-        step_x, step_y = overview.pixel_size
+        height, width = part.size
+        verdict = self._read_frame(put_in_frame(part.image), (height, width), grid_mm)
+        step_x, step_y = part.pixel_size
         judged = judge_verdict(
             verdict,
             (height, width),
@@ -85,8 +86,13 @@ class SheetReader:
             grid_mm=grid_mm,
             scale_error=self.params.judge.scale_error,
         )
+        camera = judged.camera
+        if camera is not None:
+            left, top = part.origin
+            camera = replace(camera, origin=(float(left), float(top)))
         cells = verdict["agreement"] > self.params.sheet_agreement
-        return replace(judged, outline=outline_sheet(cells, overview), ruled_cells=cells)
+        outline = outline_sheet(cells, part)
+        return replace(judged, camera=camera, outline=outline, part=part, ruled_cells=cells)
 
     def _read_frame(
         self, frame: RgbImage, size: tuple[int, int], grid_mm: float | None
@@ -136,14 +142,14 @@ def _round_up(side: int) -> int:
     return next(size for size in _USED_PX if size >= side)
 
 
-def outline_sheet(cells: Mask, overview: Crop) -> Points | None:
+def outline_sheet(cells: Mask, part: Crop) -> Points | None:
     """Return the convex outline [N, 2], photo pixels, of `cells` that show the ruling; None without any.
 
-    `cells` are bool [C, C].
+    `cells` are bool [C, C], of CELL_PX pixels of `part`.
     """
     rows, columns = np.nonzero(cells)
     if len(rows) < 3:
         return None
     corners = np.concatenate([np.stack([columns + i, rows + j], 1) for i in (0, 1) for j in (0, 1)])
     hull = cv2.convexHull(corners.astype(np.float32) * CELL_PX)[:, 0]
-    return overview.to_photo(np.minimum(hull, overview.size.xy))
+    return part.to_photo(np.minimum(hull, part.size.xy))
