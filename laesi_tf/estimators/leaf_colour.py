@@ -44,6 +44,10 @@ class LeafColourParams:
     """Hues of leaves that are green, which coins never are."""
     min_green: float = parameter(12.0, unit="CIELAB", set_on=_SET_ON)
     """Least saturation of what is green."""
+    max_black: float = parameter(
+        30.0, unit="CIELAB", set_on="phone scenes of seeds 81 and 82, rendered (split develop); 2026-12-01"
+    )
+    """Largest lightness of black, relative to the sheet."""
     sampled_side_px: int = parameter(128, unit="pixels", set_on="what a median needs, 2026-11-30")
     """The colour of a thing is measured on at least so many rows and columns of a crop."""
     max_grey: float = parameter(6.0, unit="levels of 255", set_on="JPEG files of grey scans")
@@ -123,6 +127,10 @@ class ThingColour:
     def is_ink(self, params: LeafColourParams) -> bool:
         """Return whether it is black, grey, blue or violet."""
         return self.is_known and not _has_hue(self.lab, params.hues_from_red, params.min_difference)
+
+    def is_black(self, params: LeafColourParams) -> bool:
+        """Return whether it is black, and no yellower than the sheet: dark leaves are."""
+        return self.is_ink(params) and bool(self.lab[0] < params.max_black and self.lab[2] < 0)
 
 
 def measure_colour(image: RgbImage, thing: Mask, params: LeafColourParams) -> ThingColour:

@@ -9,7 +9,7 @@ import numpy as np
 from laesi_tf.common.arrays import RgbImage
 from laesi_tf.estimators.base import UNKNOWN, Measurement, PhotoInfo, sort_in_reading_order
 from laesi_tf.estimators.leaf_candidates import LeafCandidate, LeafDetectorParams
-from laesi_tf.estimators.leaf_colour import measure_colour
+from laesi_tf.estimators.leaf_colour import LeafColourParams, ThingColour, measure_colour
 from laesi_tf.estimators.leaf_detector import LeafDetector, MaskPredictor
 from laesi_tf.estimators.leaf_outline import (
     LeafOutline,
@@ -20,6 +20,7 @@ from laesi_tf.estimators.leaf_outline import (
     outline_leaf,
     paint_masks,
 )
+from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
 from laesi_tf.estimators.sheet_map import UniformScale
 
@@ -37,6 +38,8 @@ class MaskEstimatorParams:
 
     detector: LeafDetectorParams = field(default_factory=LeafDetectorParams)
     outline: LeafOutlineParams = field(default_factory=LeafOutlineParams)
+    speck: float = parameter(0.1, unit="share of the coin", set_on="phone scenes of seed 81, 2026-12-01")
+    """A green thing smaller than this is not the leaf that a coin lies beside."""
 
 
 class MaskEstimator:
@@ -79,15 +82,17 @@ class MaskEstimator:
     def outline_leaves(self, candidates: Sequence[LeafCandidate], pyramid: PhotoPyramid) -> list[LeafOutline]:
         """Outline detected leaves at the photo's resolution, in reading order.
 
-        Pens and notes are left out, unless there is nothing else, and coins beside a larger leaf: cuttings of
-        leaves are round, too.
+        Pens, notes and black strokes are left out, unless there is nothing else, and coins beside a larger
+        leaf: cuttings of leaves are round, too.
         """
         params = self.params.outline
         outlined = (outline_leaf(candidate, pyramid.size, params) for candidate in candidates)
         outlines = [outline for outline in outlined if outline is not None]
         if len(outlines) > 1:
             leaves = [outline for outline in outlines if not looks_made(outline.polygon.outer, params)]
-            outlines = self._leave_out_coins(leaves or outlines)
+            outlines = leaves or outlines
+        if len(outlines) > 1:
+            outlines = self._leave_out_coins(self._leave_out_strokes(outlines))
         contours = [outline.polygon.outer for outline in outlines]
         boxes = np.array([[contour.min(axis=0), contour.max(axis=0)] for contour in contours])
         return [outlines[index] for index in sort_in_reading_order(boxes.reshape(-1, 2, 2))]
@@ -96,19 +101,35 @@ class MaskEstimator:
         """Return `outlines`, all of them leaves, with petioles that are too thin for the network."""
         return [add_petiole(outline, pyramid.size, self.params.outline) for outline in outlines]
 
+    def _leave_out_strokes(self, outlines: list[LeafOutline]) -> list[LeafOutline]:
+        """Return `outlines` without those that are black, unless all are."""
+        colour = self.params.detector.colour
+        leaves = [outline for outline in outlines if not _measure_colour(outline, colour).is_black(colour)]
+        return leaves or outlines
+
     def _leave_out_coins(self, outlines: list[LeafOutline]) -> list[LeafOutline]:
-        """Return `outlines` without coins: round, not green, and smaller than the largest of the others."""
+        """Return `outlines` without coins: round, not green, and smaller than the largest of the others, or
+        beside one of them that is green and not a mere speck."""
         is_coin = [looks_like_coin(outline.polygon.outer, self.params.outline) for outline in outlines]
         if not any(is_coin):
             return outlines
-        others = (outline.area_px for outline, coin in zip(outlines, is_coin, strict=True) if not coin)
-        largest, colour = max(others, default=0.0), self.params.detector.colour
+        others = [outline for outline, coin in zip(outlines, is_coin, strict=True) if not coin]
+        largest = max((other.area_px for other in others), default=0.0)
+
+        def is_green(outline: LeafOutline) -> bool:
+            colour = self.params.detector.colour
+            return _measure_colour(outline, colour).is_green(colour)
+
+        largest_green = max((other.area_px for other in others if is_green(other)), default=0.0)
 
         def is_leaf(outline: LeafOutline) -> bool:
-            if outline.area_px >= largest:
-                return True
-            return measure_colour(outline.crop.image, outline.mask, colour).is_green(colour)
+            is_larger = outline.area_px >= max(largest, largest_green / self.params.speck)
+            return is_larger or is_green(outline)
 
         return [
             outline for outline, coin in zip(outlines, is_coin, strict=True) if not coin or is_leaf(outline)
         ]
+
+
+def _measure_colour(outline: LeafOutline, params: LeafColourParams) -> ThingColour:
+    return measure_colour(outline.crop.image, outline.mask, params)
