@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import keras
 import numpy as np
 import pytest
 from green import LEAF, PAPER, mask_network
@@ -185,3 +186,47 @@ def test_crops_show_the_part_of_the_photo_that_they_claim() -> None:
         )
         assert shown * 12 == pytest.approx([x, y], abs=12)
         assert crop.from_photo(crop.to_photo(np.array([7.0, 9.0]))) == pytest.approx([7, 9])
+
+
+def find_dark(size: tuple[int, int]) -> keras.Model:
+    """A network that takes all that is darker than paper for leaves."""
+    picture = keras.Input((*size, 3))
+    finder = keras.layers.Conv2D(1, 1, activation="sigmoid")
+    model = keras.Model(picture, finder(picture))
+    finder.set_weights([np.full((1, 1, 3, 1), -0.1), np.array([60.0])])
+    return model
+
+
+COIN, INK, BROWN = (150, 110, 60), (20, 22, 34), (60, 45, 20)
+
+
+def count_leaves(image: np.ndarray) -> int:
+    return len(make_mask_estimator(find_dark(SIZE), SIZE).measure(image, PhotoInfo(px_per_mm=10.0)).leaves)
+
+
+def draw_ellipse(
+    image: np.ndarray, middle: tuple[int, int], radii: tuple[int, int], colour: tuple[int, int, int]
+) -> None:
+    rows, columns = np.mgrid[: image.shape[0], : image.shape[1]]
+    inside = ((rows - middle[0]) / radii[0]) ** 2 + ((columns - middle[1]) / radii[1]) ** 2 < 1
+    image[inside] = colour
+
+
+@pytest.mark.parametrize(
+    ("radius", "count"), [(60, 1), (150, 1), (200, 1), (330, 2)], ids=["small", "larger", "twice", "huge"]
+)
+def test_a_coin_beside_a_green_leaf_is_left_out_unless_that_is_a_speck(radius: int, count: int) -> None:
+    image = np.full((900, 1200, 3), PAPER, np.uint8)
+    draw_ellipse(image, (450, 150), (180, 60), LEAF)
+    draw_ellipse(image, (450, 750), (radius, radius), COIN)
+    assert count_leaves(image) == count
+
+
+@pytest.mark.parametrize(("other", "count"), [(INK, 1), (BROWN, 2)], ids=["ink", "brown leaf"])
+def test_black_strokes_beside_a_leaf_are_ink(other: tuple[int, int, int], count: int) -> None:
+    image = np.full((900, 1200, 3), PAPER, np.uint8)
+    draw_ellipse(image, (450, 250), (180, 60), LEAF)
+    draw_ellipse(image, (450, 800), (60, 200), other)
+    assert count_leaves(image) == count
+    image[:, :500] = PAPER
+    assert count_leaves(image) == 1, "it is what there is"

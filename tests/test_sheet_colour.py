@@ -62,3 +62,25 @@ def test_a_leaf_on_the_desk_is_not_on_the_sheet(x: float) -> None:
     image = draw_photo(np.ones(3))
     likeness = measure_likeness(image, draw_leaf(image, x))
     assert likeness < (PARAMS.least_share_within if x > 1100 else PARAMS.least_share)
+
+
+def test_what_was_read_is_mostly_other_than_the_leafs_paper() -> None:
+    image = draw_photo(np.ones(3))
+    leaf = draw_leaf(image, 700)
+    on_wood = np.zeros_like(RULED)
+    on_wood[: 900 // CELL_PX, 1020 // CELL_PX : 1200 // CELL_PX] = True
+    for cells, is_other in ((RULED, False), (on_wood, True), (RULED | on_wood, False)):
+        colour = SheetColour(PhotoPyramid(image).overview, cells, [leaf], PARAMS)
+        assert colour.is_mostly_other(leaf) == is_other
+
+
+@given(left=st.integers(0, 300), top=st.integers(0, 200))
+def test_cells_of_a_part_lie_where_it_lies(left: int, top: int) -> None:
+    image = draw_photo(np.ones(3))
+    leaf = draw_leaf(image, 650)
+    pyramid = PhotoPyramid(image)
+    part = pyramid.crop_around(np.array([[left, top], [1200, 900]]), min_side=1, max_side=2000)
+    # Cells of the wood alone, in the part's own count.
+    cells = np.zeros_like(RULED)
+    cells[: (900 - top) // CELL_PX, (1020 - left) // CELL_PX : (1200 - left) // CELL_PX] = True
+    assert SheetColour(pyramid.overview, cells, [leaf], PARAMS, part).measure_likeness(leaf) < 0.1
