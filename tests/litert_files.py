@@ -24,7 +24,7 @@ def write_guidance_file(path: Path) -> None:
     from laesi_tf.models.saved_model import load_run
 
     graph = GuidanceGraph(mask_network(SIZE), load_run(PRETRAINED / "ruling").model)
-    model = convert((graph, graph.guide.get_concrete_function()), "float32")
+    model = convert(graph.guide.get_concrete_function(), "float32")
     write_litert_file(path, model, describe("guidance", {}))
 
 
@@ -40,5 +40,5 @@ def convert_photo_file(path: Path) -> None:
     from laesi_tf.exporting.litert import convert, describe
 
     graph = PhotoGraph(mask_network(SIZE), RulingGraph(load_run_of("ruling", PRETRAINED / "ruling").model))
-    model = convert((graph, graph.measure.get_concrete_function()), "float32")
+    model = convert(graph.measure.get_concrete_function(), "float32")
     write_litert_file(path, model, describe("photo", {}))

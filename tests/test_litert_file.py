@@ -18,10 +18,9 @@ from laesi_tf.models.saved_model import ModelSpec, Run
 SIZE = (64, 64)
 
 
-def make_graph(task: str, network: keras.Model) -> tuple[tf.Module, object]:
+def make_graph(task: str, network: keras.Model) -> object:
     spec = ModelSpec(task=task, backbone="small", alpha=1.0, size=SIZE, transform="none")
-    graph = NetworkGraph(Run(Path(task), spec, network))
-    return graph, graph.predict.get_concrete_function()
+    return NetworkGraph(Run(Path(task), spec, network)).predict.get_concrete_function()
 
 
 @pytest.fixture(scope="module")

@@ -32,23 +32,27 @@ def draw_leaf(image: np.ndarray, x: float) -> np.ndarray:
     return outline
 
 
+def see_colours(image: np.ndarray, cells: np.ndarray, leaves: list[np.ndarray]) -> SheetColour:
+    """The colours of a photo whose whole was read."""
+    overview = PhotoPyramid(image).overview
+    return SheetColour(overview, overview, cells, leaves, PARAMS)
+
+
 def measure_likeness(image: np.ndarray, leaf: np.ndarray) -> float:
-    return SheetColour(PhotoPyramid(image).overview, RULED, [leaf], PARAMS).measure_likeness(leaf)
+    return see_colours(image, RULED, [leaf]).measure_likeness(leaf)
 
 
 def test_neighbours_are_no_sheet_and_no_surroundings() -> None:
     image = draw_photo(np.ones(3))
     leaves = [draw_leaf(image, x) for x in range(80, 480, 130)]
-    colour = SheetColour(PhotoPyramid(image).overview, RULED, leaves, PARAMS)
+    colour = see_colours(image, RULED, leaves)
     assert min(colour.measure_likeness(leaf) for leaf in leaves) > PARAMS.least_share
 
 
 def test_nothing_is_said_where_little_of_the_sheet_is_seen() -> None:
     image = draw_photo(np.ones(3))
     leaf = draw_leaf(image, 900)
-    assert np.isnan(
-        SheetColour(PhotoPyramid(image).overview, np.zeros_like(RULED), [leaf], PARAMS).measure_likeness(leaf)
-    )
+    assert np.isnan(see_colours(image, np.zeros_like(RULED), [leaf]).measure_likeness(leaf))
 
 
 @given(x=st.floats(580, 880), light=st.tuples(*[st.floats(0.6, 1.05)] * 3))
@@ -70,8 +74,7 @@ def test_what_was_read_is_mostly_other_than_the_leafs_paper() -> None:
     on_wood = np.zeros_like(RULED)
     on_wood[: 900 // CELL_PX, 1020 // CELL_PX : 1200 // CELL_PX] = True
     for cells, is_other in ((RULED, False), (on_wood, True), (RULED | on_wood, False)):
-        colour = SheetColour(PhotoPyramid(image).overview, cells, [leaf], PARAMS)
-        assert colour.is_mostly_other(leaf) == is_other
+        assert see_colours(image, cells, [leaf]).is_mostly_other(leaf) == is_other
 
 
 @given(left=st.integers(0, 300), top=st.integers(0, 200))
@@ -83,4 +86,4 @@ def test_cells_of_a_part_lie_where_it_lies(left: int, top: int) -> None:
     # Cells of the wood alone, in the part's own count.
     cells = np.zeros_like(RULED)
     cells[: (900 - top) // CELL_PX, (1020 - left) // CELL_PX : (1200 - left) // CELL_PX] = True
-    assert SheetColour(pyramid.overview, cells, [leaf], PARAMS, part).measure_likeness(leaf) < 0.1
+    assert SheetColour(pyramid.overview, part, cells, [leaf], PARAMS).measure_likeness(leaf) < 0.1

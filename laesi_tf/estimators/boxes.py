@@ -14,6 +14,11 @@ def square_around(box: Points, side: float) -> Points:
     return np.stack([middle - side / 2, middle + side / 2])
 
 
+def box_around(outline: Points, room: float) -> Points:
+    """Return the box [2, 2] of `outline` [n, 2], with `room` pixels on each side."""
+    return np.stack([outline.min(axis=0) - room, outline.max(axis=0) + room])
+
+
 def stack_boxes(boxes: Sequence[Points]) -> NDArray[np.float64]:
     """Return `boxes`, each [2, 2], as one array [N, 2, 2]; N may be 0."""
     return np.array(boxes, np.float64).reshape(-1, 2, 2)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from laesi_tf.common.sheet_model import FOCAL
+from laesi_tf.estimators.boxes import box_around
 from laesi_tf.estimators.leaf_outline import LeafOutline
 from laesi_tf.estimators.parameters import parameter
 from laesi_tf.estimators.photo_pyramid import PhotoPyramid
@@ -47,9 +48,7 @@ def read_around_largest(
     if not outlines:
         return None
     leaf = max(outlines, key=lambda outline: outline.area_px).polygon.outer
-    first, last = leaf.min(axis=0), leaf.max(axis=0)
-    margin = params.margin * (last - first).max()
-    box = np.stack([first - margin, last + margin])
+    box = box_around(leaf, params.margin * np.ptp(leaf, axis=0).max())
     part = pyramid.crop_around(box, min_side=FRAME_PX, max_side=FRAME_PX)
     closer = reader.read(part, grid_mm=grid_mm)
     if closer.camera is None or (before.paper and not closer.proves_millimetres):

@@ -9,6 +9,7 @@ import numpy as np
 
 from laesi_tf.common.arrays import Mask, Points
 from laesi_tf.common.geometry import Polygon, trace_polygons
+from laesi_tf.estimators.boxes import box_around
 from laesi_tf.estimators.leaf_outline import LeafOutline, paint_masks
 from laesi_tf.estimators.mask_shapes import (
     close_mask,
@@ -121,7 +122,7 @@ def _crop_around(
     line = camera.px_per_mm((low + high) / 2) * camera.pitch_mm
     room = max(params.room * (high - low).max(), _LEAST_LINES * line)
     side = params.side_px
-    crop = pyramid.crop_around(np.stack([low - room, high + room]), min_side=side, max_side=side)
+    crop = pyramid.crop_around(box_around(leaf, room), min_side=side, max_side=side)
     line_px = line / float(crop.pixel_size.mean())
     return shrink(crop, max(1, int(max(crop.size) * min(1.0, params.line_px / line_px))))
 

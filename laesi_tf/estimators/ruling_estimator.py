@@ -172,10 +172,10 @@ class RulingEstimator:
         ruled_part = sheet.outline
         if sheet.camera is None:
             return []
-        if ruled_part is None or sheet.ruled_cells is None:
+        if ruled_part is None or sheet.part is None or sheet.ruled_cells is None:
             return outlines
         params, leaves = self.params, [outline.polygon.outer for outline in outlines]
-        colour = SheetColour(overview, sheet.ruled_cells, leaves, params.sheet, sheet.part)
+        colour = SheetColour(overview, sheet.part, sheet.ruled_cells, leaves, params.sheet)
         on_sheet: list[LeafOutline] = []
         for outline in sorted(outlines, key=lambda outline: -outline.area_px):
             leaf = outline.polygon.outer

@@ -18,6 +18,11 @@ from laesi_tf.models.ruling_cells import CELL_PX
 
 _SET_ON = "semi-real photos with pasted leaves, rendered (split develop); 2026-11-30"
 
+_ALIKE_SET_ON = (
+    "rendered (split develop), semi-real (val), cases, phone scenes of seeds 81, 82 and 90: at least 0.33 "
+    "where the scale is right, at most 0.12 where cloth or mesh was read; 2026-12-01"
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SheetColourParams:
@@ -44,14 +49,9 @@ class SheetColourParams:
         "right, 0.08 around a scrap of paper on checked cloth that was read as ruling; 2026-11-30",
     )
     """So much of what surrounds a leaf within the ruled part has the sheet's colour if it is the sheet."""
-    least_alike: float = parameter(
-        0.25,
-        unit="share of the ruled part",
-        set_on="rendered (split develop), semi-real (val), cases, phone scenes of seeds 81, 82 and 90: at "
-        "least 0.33 where the scale is right, at most 0.12 where cloth or mesh was read; 2026-12-01",
-    )
+    least_alike: float = parameter(0.25, unit="share of the ruled part", set_on=_ALIKE_SET_ON)
     """So much of the ruled part has the colour of what surrounds a leaf, if the ruling is of its sheet."""
-    max_shade_apart: float = parameter(1.0, unit="ln", set_on=_SET_ON)
+    max_shade_apart: float = parameter(1.0, unit="ln", set_on=_ALIKE_SET_ON)
     """Largest difference of the lightness across the sheet."""
 
 
@@ -61,15 +61,15 @@ class SheetColour:
     def __init__(
         self,
         overview: Crop,
+        part: Crop,
         ruled_cells: Mask,
         leaves: Sequence[Points],
         params: SheetColourParams,
-        part: Crop | None = None,
     ) -> None:
-        """Take a photo's overview, the cells that show the ruling, and the outlines of all leaves.
+        """Take a photo's overview, the part of it whose ruling was read, the cells that show the ruling, and
+        the outlines of all leaves.
 
-        Cells are bool [C, C], of CELL_PX pixels of `part`, which is the overview where none is given;
-        outlines [n, 2] are in photo pixels.
+        Cells are bool [C, C], of CELL_PX pixels of `part`; outlines [n, 2] are in photo pixels.
         """
         self._params = params
         self._small = shrink(overview, params.side_px)
@@ -78,7 +78,7 @@ class SheetColour:
         self._is_bare = distance_inside(self._small.paint(leaves) == 0) > params.ring_px[0]
         # Cells at the border of the ruling show some of what lies beside it.
         inner = cv2.erode(ruled_cells.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        self._is_sheet = _sample(inner, part or overview, self._small) & self._is_bare
+        self._is_sheet = _sample(inner, part, self._small) & self._is_bare
 
     def measure_likeness(self, leaf: Points) -> float:
         """Return the share of what surrounds a leaf that has the colour of the sheet beside it.

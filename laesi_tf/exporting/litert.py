@@ -71,29 +71,25 @@ class NetworkGraph(tf.Module):
         return {"leaf": output[0, ..., 0]}
 
 
-def build_graph(kind: str, mask_run: Run, ruling_run: Run, area_run: Run) -> tuple[tf.Module, Any]:
-    """Return the module of a kind and its concrete function. Raises InputError for a network that a photo's
-    graph cannot hold."""
+def build_graph(kind: str, mask_run: Run, ruling_run: Run, area_run: Run) -> Any:
+    """Return the concrete function of a kind. Raises InputError for a network that a photo's graph cannot
+    hold."""
     if kind == "guidance":
-        guidance = GuidanceGraph(mask_run.model, ruling_run.model)
-        return guidance, guidance.guide.get_concrete_function()
+        return GuidanceGraph(mask_run.model, ruling_run.model).guide.get_concrete_function()
     if kind != "photo":
-        network = NetworkGraph({"area": area_run, "mask": mask_run}[kind])
-        return network, network.predict.get_concrete_function()
+        return NetworkGraph({"area": area_run, "mask": mask_run}[kind]).predict.get_concrete_function()
     height, width = mask_run.spec.size
     if height != width or height % 56:
         raise InputError(
             f"{mask_run.path} has an input of {height} x {width} pixels; the graph needs a square of a "
             "multiple of 56, such as 224"
         )
-    photo = PhotoGraph(mask_run.model, RulingGraph(ruling_run.model))
-    return photo, photo.measure.get_concrete_function()
+    return PhotoGraph(mask_run.model, RulingGraph(ruling_run.model)).measure.get_concrete_function()
 
 
-def convert(graph: tuple[tf.Module, Any], variant: str, calibration: Calibration = ()) -> bytes:
-    """Convert the result of `build_graph` to a variant; int8 needs `calibration`."""
-    # The weights are constants. Of a module, the converter would trace each function once more.
-    _, function = graph
+def convert(function: Any, variant: str, calibration: Calibration = ()) -> bytes:
+    """Convert a concrete function, such as that of `build_graph`, to a variant; int8 needs `calibration`."""
+    # Its weights are constants, so that no module need hold them; of a module, each function is traced anew.
     converter = tf.lite.TFLiteConverter.from_concrete_functions([function], tf.Module())
     # A hash of the file in the file, for which Python takes the whole graph apart twice.
     converter.exclude_conversion_metadata = True

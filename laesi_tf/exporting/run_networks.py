@@ -36,8 +36,7 @@ def write_network(run: Run) -> None:
         network = _convert_signatures({"ask_network": _trace_network(graph)})
         _write(run, READING_FILE, _convert_signatures(_trace_stages(graph)), "reading")
     else:
-        alone = NetworkGraph(run)
-        network = convert((alone, alone.predict.get_concrete_function()), _PRECISION)
+        network = convert(NetworkGraph(run).predict.get_concrete_function(), _PRECISION)
     _write(run, NETWORK_FILE, network, task)
 
 
